@@ -1,0 +1,2 @@
+//! The client: see `pelical --help`.
+fn main() {}

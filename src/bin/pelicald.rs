@@ -1,0 +1,2 @@
+//! The daemon: see `pelicald --help`.
+fn main() {}

@@ -1,0 +1,81 @@
+//! Cameras: what can be listed and opened, and what a frame is.
+//!
+//! A back end is a [`DeviceFactory`] that lists and opens devices; an open device is a [`FrameSource`] that one capture thread
+//! owns. Everything that can go wrong with a camera is a [`CaptureError`] with a variant for what the caller can do about it.
+
+pub mod frame;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+pub use frame::{CameraInfo, RgbdFrame, StampNs};
+
+/// Lists and opens the devices of one back end.
+pub trait DeviceFactory: Send + Sync {
+    /// Short name of the back end, as in the config.
+    fn name(&self) -> &'static str;
+
+    /// Every device there is now, in a fixed order.
+    ///
+    /// # Errors
+    /// When the back end itself cannot be reached (no such recording, no permission).
+    fn list(&self) -> Result<Vec<CameraInfo>, CaptureError>;
+
+    /// Opens the device with this serial.
+    ///
+    /// # Errors
+    /// [`CaptureError::NotFound`] when it is not there, others as the device says.
+    fn open(&self, serial: &str) -> Result<Box<dyn FrameSource>, CaptureError>;
+}
+
+/// An open camera, owned by one thread.
+pub trait FrameSource: Send {
+    /// Name, serial, intrinsics, depth unit.
+    fn info(&self) -> &CameraInfo;
+
+    /// Overwrites `frame` with the next frame, waiting at most `timeout`. The buffers of `frame` are reused: after the first
+    /// frame of a stream nothing is allocated.
+    ///
+    /// # Errors
+    /// [`CaptureError::Timeout`] (call again), [`CaptureError::Unplugged`] (reopen later), [`CaptureError::EndOfStream`]
+    /// (typed end), or what else the device says. After an error `frame` holds no usable image.
+    fn next_frame(&mut self, frame: &mut RgbdFrame, timeout: Duration) -> Result<(), CaptureError>;
+}
+
+/// What a camera can answer instead of a frame; each variant is something else to do.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// No frame in time: call again; many in a row mean a stalled camera.
+    #[error("no frame within {0:?}")]
+    Timeout(Duration),
+    /// The device went away: reopen when it is back.
+    #[error("camera {0} was unplugged")]
+    Unplugged(String),
+    /// The recording or script is at its end.
+    #[error("end of the stream")]
+    EndOfStream,
+    /// No device with this serial.
+    #[error("no camera with serial \"{serial}\"; available: {available}")]
+    NotFound {
+        /// Asked for.
+        serial: String,
+        /// The serials that are there, joined.
+        available: String,
+    },
+    /// The data is not what the layout promises; the message says which file and what is wrong.
+    #[error("{path}: {what}")]
+    BadData {
+        /// File or folder.
+        path: PathBuf,
+        /// What is wrong and what is allowed.
+        what: String,
+    },
+    /// The operating system refused a file.
+    #[error("{path}: {source}")]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}

@@ -1,0 +1,12 @@
+#![doc = include_str!("../../docs/conventions.md")]
+
+pub mod camera;
+pub mod line3;
+pub mod motion;
+pub mod observation;
+pub mod view;
+
+pub use camera::{Camera, CameraError, Distortion, PixelPoint, RayPoint};
+pub use line3::Line3;
+pub use observation::{DepthFit, EdgeSide, LineObservation, Segment};
+pub use view::{CameraView, SurfaceSample};

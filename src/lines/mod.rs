@@ -1,0 +1,7 @@
+//! From images to lines: segments, and their lifting to 3D.
+
+pub mod detect;
+pub mod lift;
+
+pub use detect::{DetectOptions, Detector};
+pub use lift::{LiftOptions, Lifter};

@@ -1,0 +1,147 @@
+//! What the estimator answers: extrinsics with covariance where it is sure, and the reason where it is not.
+
+use nalgebra::Matrix6;
+
+use crate::geometry::motion::Motion;
+
+/// The verdict on a rig or a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// More evidence is needed.
+    Collecting,
+    /// Every test passed.
+    Converged,
+    /// The evidence leaves a degree of freedom open.
+    Degenerate,
+    /// Another pose explains the evidence about as well.
+    Ambiguous,
+    /// The evidence contradicts itself, or there can be none (one camera only).
+    Failed,
+}
+
+impl State {
+    /// The name in files and on the wire.
+    pub fn name(self) -> &'static str {
+        match self {
+            State::Collecting => "collecting",
+            State::Converged => "converged",
+            State::Degenerate => "degenerate",
+            State::Ambiguous => "ambiguous",
+            State::Failed => "failed",
+        }
+    }
+}
+
+/// Why a state is not `Converged`: a closed list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReasonCode {
+    /// Too few independent lines agree on any pose.
+    NotEnoughEvidence,
+    /// The runner-up is not clearly beaten.
+    RunnerUpTooClose,
+    /// A direction of translation or an axis of rotation is not fixed by the lines.
+    AxisUnobservable,
+    /// Two independent halves of the evidence give different poses.
+    HalvesDisagree,
+    /// The lines agree worse than their noise explains.
+    ResidualTooHigh,
+    /// With this pose, surfaces would lie in space that a camera saw through.
+    FreeSpaceViolated,
+    /// The poses of the pairs do not close around the rig.
+    LoopInconsistent,
+    /// The rig has fewer than two cameras.
+    OneCamera,
+    /// No camera delivered a line.
+    NoLines,
+}
+
+impl ReasonCode {
+    /// Every code, in the order of the wire format.
+    pub const ALL: [ReasonCode; 9] = [
+        ReasonCode::NotEnoughEvidence,
+        ReasonCode::RunnerUpTooClose,
+        ReasonCode::AxisUnobservable,
+        ReasonCode::HalvesDisagree,
+        ReasonCode::ResidualTooHigh,
+        ReasonCode::FreeSpaceViolated,
+        ReasonCode::LoopInconsistent,
+        ReasonCode::OneCamera,
+        ReasonCode::NoLines,
+    ];
+
+    /// The name in files and on the wire.
+    pub fn name(self) -> &'static str {
+        match self {
+            ReasonCode::NotEnoughEvidence => "not_enough_evidence",
+            ReasonCode::RunnerUpTooClose => "runner_up_too_close",
+            ReasonCode::AxisUnobservable => "axis_unobservable",
+            ReasonCode::HalvesDisagree => "halves_disagree",
+            ReasonCode::ResidualTooHigh => "residual_too_high",
+            ReasonCode::FreeSpaceViolated => "free_space_violated",
+            ReasonCode::LoopInconsistent => "loop_inconsistent",
+            ReasonCode::OneCamera => "one_camera",
+            ReasonCode::NoLines => "no_lines",
+        }
+    }
+}
+
+/// A reason in numbers and words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reason {
+    /// Which of the closed list.
+    pub code: ReasonCode,
+    /// One sentence with the evidence in numbers and what to do next.
+    pub sentence: String,
+}
+
+/// Where a camera sits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraPose {
+    /// The camera's frame in the reference camera's frame.
+    pub reference_from_camera: Motion,
+    /// Covariance of a step `t + dt`, `exp(dr) R`, ordered x y z rx ry rz, m and rad.
+    pub covariance: Matrix6<f64>,
+}
+
+/// What was found between two cameras.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairEstimate {
+    /// Index of the target camera.
+    pub target: usize,
+    /// Index of the source camera.
+    pub source: usize,
+    /// The verdict on this pair alone.
+    pub state: State,
+    /// Why it is not converged.
+    pub reason: Option<Reason>,
+    /// The best pose so far, converged or not; `None` without any agreeing lines.
+    pub target_from_source: Option<Motion>,
+    /// Independent matches that agree with the pose.
+    pub matches: usize,
+    /// Of these, lifted on both sides.
+    pub full: usize,
+    /// Of these, lifted on one side only.
+    pub pnl: usize,
+    /// Root mean square distance of the target segment's ends from the predicted line, px.
+    pub residual_px: f64,
+    /// Root mean square distance between the lines at the target segment's ends, m.
+    pub residual_m: f64,
+}
+
+/// What was found for the whole rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigCalibration {
+    /// Converged only if every camera is.
+    pub state: State,
+    /// Why it is not converged.
+    pub reason: Option<Reason>,
+    /// Index of the reference camera.
+    pub reference: usize,
+    /// One per camera, in camera order; the reference has the identity and zero covariance; `None` where the evidence does
+    /// not reach.
+    pub cameras: Vec<Option<CameraPose>>,
+    /// Every pair of cameras that shared frame sets.
+    pub pairs: Vec<PairEstimate>,
+    /// Frame sets that were taken into account.
+    pub frame_sets_used: usize,
+}
