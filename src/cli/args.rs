@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::ipc::InstanceName;
+
 /// Calibrates the cameras of a robot against each other while it runs, and publishes the result over shared memory.
 #[derive(Debug, Parser)]
 #[command(name = "pelicald", version)]
@@ -21,15 +23,11 @@ pub struct DaemonArgs {
 #[command(name = "pelical", version)]
 pub struct ClientArgs {
     /// Name of the daemon to talk to.
-    #[arg(long, global = true, default_value = "pelical", value_name = "NAME", value_parser = instance_name)]
-    pub instance: String,
+    #[arg(long, global = true, default_value_t, value_name = "NAME")]
+    pub instance: InstanceName,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
-}
-
-fn instance_name(name: &str) -> Result<String, String> {
-    crate::service::config::check_instance(name).map(|()| name.to_owned())
 }
 
 /// What the client can do.
@@ -171,6 +169,6 @@ mod tests {
     #[test]
     fn the_instance_may_stand_behind_the_command() {
         let args = ClientArgs::try_parse_from(["pelical", "status", "--instance", "rig2"]).expect("valid");
-        assert_eq!(args.instance, "rig2");
+        assert_eq!(args.instance.as_str(), "rig2");
     }
 }

@@ -35,7 +35,8 @@ fn leaves_of(text: &str) -> BTreeSet<String> {
 fn the_shipped_config_equals_the_defaults_key_for_key() {
     let env = TestEnv::new();
     let defaults = env.write("defaults.yaml", "{}\n");
-    let effective = env.pelicald(&["--config", defaults.to_str().expect("text"), "--check-config"]).expect_code(0);
+    let effective =
+        env.pelicald(&["--config", defaults.to_str().expect("text"), "--check-config"]).expect_code(0);
     let text = std::fs::read_to_string(shipped("pelicald.yaml")).expect("shipped");
     assert_eq!(leaves_of(&text), leaves_of(&effective.stdout));
 }
@@ -56,7 +57,8 @@ fn every_shipped_config_is_valid() {
     let env = TestEnv::new();
     for file in std::fs::read_dir(shipped("")).expect("shipped") {
         let file = file.expect("listed").path();
-        let checked = env.pelicald(&["--config", file.to_str().expect("text"), "--check-config"]).expect_code(0);
+        let checked =
+            env.pelicald(&["--config", file.to_str().expect("text"), "--check-config"]).expect_code(0);
         assert!(checked.stdout.contains("max_skew_ms:"), "{checked:?}");
     }
 }
@@ -66,7 +68,10 @@ fn a_wrong_config_ends_with_78_and_names_file_line_and_key() {
     let env = TestEnv::new();
     for (text, parts) in [
         ("log:\n  levle: info\n", ["c.yaml:2: log: unknown key `levle`", "`level`"]),
-        ("cameras:\n  list:\n  - name: a\n    serial: 0123\n", ["c.yaml:4: cameras.list[0].serial", "quotes"]),
+        (
+            "cameras:\n  list:\n  - name: a\n    serial: 0123\n",
+            ["c.yaml:4: cameras.list[0].serial", "quotes"],
+        ),
         ("lines:\n  min_length_px: -5\n", ["c.yaml:2: lines.min_length_px", "10 to 1000"]),
         ("cameras: {backend: replay}\n", ["c.yaml:1: cameras.replay.recording", "folder"]),
         ("log: [\n", ["c.yaml:", "log"]),
@@ -96,7 +101,9 @@ fn a_wrong_command_line_ends_with_2() {
     for arguments in [&[][..], &["--check-config"], &["--config"], &["--config", "x", "--frobnicate"]] {
         env.pelicald(arguments).expect_code(2).expect_talk(&["Usage"]);
     }
-    for arguments in [&[][..], &["frobnicate"], &["calibrate"], &["evaluate"], &["status", "--instance", "a/b"]] {
+    for arguments in
+        [&[][..], &["frobnicate"], &["calibrate"], &["evaluate"], &["status", "--instance", "a/b"]]
+    {
         env.pelical(arguments).expect_code(2);
     }
 }

@@ -50,7 +50,9 @@ impl TestEnv {
 
     /// The daemon, run to its end.
     pub fn pelicald(&self, arguments: &[&str]) -> Ended {
-        Ended::of(Command::new(env!("CARGO_BIN_EXE_pelicald")).args(arguments).current_dir(self.folder.path()))
+        Ended::of(
+            Command::new(env!("CARGO_BIN_EXE_pelicald")).args(arguments).current_dir(self.folder.path()),
+        )
     }
 
     /// The daemon, left running.
@@ -68,7 +70,11 @@ impl TestEnv {
 
     /// Asks for the status until `accept` likes it; the last status as JSON.
     #[track_caller]
-    pub fn wait_for_status(&self, what: &str, accept: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
+    pub fn wait_for_status(
+        &self,
+        what: &str,
+        accept: impl Fn(&serde_json::Value) -> bool,
+    ) -> serde_json::Value {
         let mut last = String::new();
         let found = poll(|| {
             let ended = self.pelical(&["status", "--json"]);

@@ -176,7 +176,9 @@ impl CalibrationDocument {
             frame_sets,
             timing_ms,
             truth: truth.map(|first_from_camera| {
-                let error = |index| truth_entry(name(index), place(index), calibration.reference, (index, first_from_camera));
+                let error = |index| {
+                    truth_entry(name(index), place(index), calibration.reference, (index, first_from_camera))
+                };
                 others().map(error).collect()
             }),
         }
@@ -252,14 +254,14 @@ fn truth_entry(
     (index, first_from_camera): (usize, &[Motion]),
 ) -> TruthEntry {
     let truth = first_from_camera.get(reference).zip(first_from_camera.get(index));
-    let truth = truth.map(|(first_from_reference, first_from_camera)| {
-        first_from_reference.inverse() * first_from_camera
-    });
+    let truth = truth
+        .map(|(first_from_reference, first_from_camera)| first_from_reference.inverse() * first_from_camera);
     let found = place.map(|place| place.reference_from_camera);
     let both = found.zip(truth);
     TruthEntry {
         camera,
-        rotation_error_deg: both.and_then(|(found, truth)| finite(rotation_gap_rad(&found, &truth).to_degrees())),
+        rotation_error_deg: both
+            .and_then(|(found, truth)| finite(rotation_gap_rad(&found, &truth).to_degrees())),
         translation_error_mm: both.and_then(|(found, truth)| finite(translation_gap_m(&found, &truth) * 1e3)),
     }
 }

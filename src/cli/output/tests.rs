@@ -60,16 +60,35 @@ fn the_keys_are_those_of_the_contract() {
     let place = Motion::translation(0.2, 0.0, 0.0);
     let truth = [Motion::identity(), place];
     let json = serde_json::to_value(document(&converged(place), Some(&truth))).expect("serialisable");
-    let mut expected = vec!["schema", "state", "reason", "reference", "cameras", "pairs", "frame_sets", "timing_ms", "truth"];
+    let mut expected = vec![
+        "schema",
+        "state",
+        "reason",
+        "reference",
+        "cameras",
+        "pairs",
+        "frame_sets",
+        "timing_ms",
+        "truth",
+    ];
     expected.sort_unstable();
     assert_eq!(keys(&json), expected);
     assert_eq!(json["schema"], "pelical.calibration/1");
     assert_eq!(json["reference"], "left");
     assert_eq!(json["reason"], Value::Null);
     let camera = &json["cameras"][0];
-    assert_eq!(keys(camera), ["covariance", "name", "reference_from_camera", "serial", "sigma_deg", "sigma_mm"]);
-    assert_eq!(camera["reference_from_camera"], json!({"translation_m": [0.2, 0.0, 0.0], "rotation_xyzw": [0.0, 0.0, 0.0, 1.0]}));
-    assert_eq!(keys(&json["pairs"][0]), ["full", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]);
+    assert_eq!(
+        keys(camera),
+        ["covariance", "name", "reference_from_camera", "serial", "sigma_deg", "sigma_mm"]
+    );
+    assert_eq!(
+        camera["reference_from_camera"],
+        json!({"translation_m": [0.2, 0.0, 0.0], "rotation_xyzw": [0.0, 0.0, 0.0, 1.0]})
+    );
+    assert_eq!(
+        keys(&json["pairs"][0]),
+        ["full", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
+    );
     assert_eq!(keys(&json["frame_sets"]), ["refused", "seen", "used"]);
     assert_eq!(keys(&json["timing_ms"]), ["associate", "detect", "estimate", "lift", "total"]);
     assert_eq!(keys(&json["truth"][0]), ["camera", "rotation_error_deg", "translation_error_mm"]);
@@ -83,7 +102,13 @@ fn units_are_the_users() {
     assert!((camera.sigma_mm.expect("known")[1].expect("finite") - 2.0).abs() < 1e-9);
     assert!((camera.sigma_deg.expect("known")[2].expect("finite") - 0.1146).abs() < 1e-4);
     assert!((document.pairs[0].residual_mm.expect("matches") - 4.1).abs() < 1e-9);
-    assert!(!serde_json::to_value(&document).expect("serialisable").as_object().expect("object").contains_key("truth"));
+    assert!(
+        !serde_json::to_value(&document)
+            .expect("serialisable")
+            .as_object()
+            .expect("object")
+            .contains_key("truth")
+    );
 }
 
 #[test]
@@ -114,10 +139,14 @@ fn errors_are_taken_in_the_frame_of_the_reference() {
     let truth = [first_from_left, first_from_left * left_from_right];
     let good = document(&converged(left_from_right), Some(&truth));
     let error = &good.truth.as_ref().expect("given")[0];
-    assert!(error.translation_error_mm.expect("known") < 1e-9 && error.rotation_error_deg.expect("known") < 1e-6);
+    assert!(
+        error.translation_error_mm.expect("known") < 1e-9 && error.rotation_error_deg.expect("known") < 1e-6
+    );
     let off = Motion::translation(0.0, 0.016, 0.0) * left_from_right;
     let wrong = document(&converged(off), Some(&truth));
-    assert!((wrong.truth.as_ref().expect("given")[0].translation_error_mm.expect("known") - 16.0).abs() < 1e-6);
+    assert!(
+        (wrong.truth.as_ref().expect("given")[0].translation_error_mm.expect("known") - 16.0).abs() < 1e-6
+    );
     assert!(wrong.is_wrong(0.5, 15.0) && !wrong.is_wrong(0.5, 17.0) && !good.is_wrong(0.5, 15.0));
 }
 

@@ -42,7 +42,8 @@ pub fn evaluation(document: &EvaluationDocument) -> String {
     let header = ["recording", "state", "errors", "sets used", "ms", "reason"];
     let mut text = table(&header, &document.recordings.iter().map(evaluation_row).collect::<Vec<_>>());
     let (converged, wrong) = (document.converged, document.wrong);
-    let _ = writeln!(text, "\n{} recordings: {converged} converged, {wrong} wrong", document.recordings.len());
+    let _ =
+        writeln!(text, "\n{} recordings: {converged} converged, {wrong} wrong", document.recordings.len());
     text
 }
 
@@ -78,7 +79,13 @@ fn camera_row(camera: &CameraEntry) -> Vec<String> {
 
 fn timing(timing_ms: &TimingMs) -> String {
     let TimingMs { detect, lift, associate, estimate, total } = *timing_ms;
-    let parts = [("detect", detect), ("lift", lift), ("associate", associate), ("estimate", estimate), ("total", total)];
+    let parts = [
+        ("detect", detect),
+        ("lift", lift),
+        ("associate", associate),
+        ("estimate", estimate),
+        ("total", total),
+    ];
     let said = parts.iter().filter_map(|(name, time)| time.map(|time| format!("{name} {time:.0} ms")));
     said.collect::<Vec<_>>().join(", ")
 }
@@ -93,7 +100,8 @@ fn fine(value: Option<f64>) -> String {
 
 /// Columns as wide as their widest cell, two spaces between them.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
-    let cell_width = |row: &Vec<String>, column: usize| row.get(column).map_or(0, |cell| cell.chars().count());
+    let cell_width =
+        |row: &Vec<String>, column: usize| row.get(column).map_or(0, |cell| cell.chars().count());
     let widths: Vec<usize> = header
         .iter()
         .enumerate()

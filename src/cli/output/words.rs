@@ -10,7 +10,8 @@ const NOTHING: f64 = 0.05;
 /// Where a camera is as seen from the reference: "203.1 mm right, 0.6 mm up".
 pub fn position(reference_from_camera: &MotionEntry) -> String {
     let [x, y, z] = reference_from_camera.translation_m.map(|value| value * 1e3);
-    let parts = [side(x, ["right", "left"], "mm"), side(y, ["down", "up"], "mm"), side(z, ["forward", "back"], "mm")];
+    let parts =
+        [side(x, ["right", "left"], "mm"), side(y, ["down", "up"], "mm"), side(z, ["forward", "back"], "mm")];
     joined(&parts, "at the reference")
 }
 
@@ -65,7 +66,8 @@ mod tests {
 
     #[test]
     fn places_have_their_words() {
-        let at = |translation_m| position(&MotionEntry { translation_m, rotation_xyzw: [0.0, 0.0, 0.0, 1.0] });
+        let at =
+            |translation_m| position(&MotionEntry { translation_m, rotation_xyzw: [0.0, 0.0, 0.0, 1.0] });
         assert_eq!(at([0.2031, -0.0006, 0.0]), "203.1 mm right, 0.6 mm up");
         assert_eq!(at([-0.1, 0.02, -0.5]), "100.0 mm left, 20.0 mm down, 500.0 mm back");
         assert_eq!(at([0.0; 3]), "at the reference");

@@ -5,17 +5,19 @@ use std::time::Duration;
 
 use super::error::Refusal;
 use super::sections::{
-    Backend, CameraEntry, CamerasSection, ConfigFile, EstimateSection, LinesSection, LogSection,
+    Backend, CameraEntry, CamerasSection, ConfigFile, EstimateSection, LinesSection, LogSection, Pace,
     ReplaySection, SyncSection, SyntheticSection,
 };
+use crate::capture::replay::{self, ReplayOptions};
+use crate::ipc::{InstanceName, MAX_NAME_BYTES};
 use crate::lines::{DetectOptions, LiftOptions};
 use crate::solver::EstimateOptions;
 
 /// Everything the daemon needs to know, checked.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Config {
     /// Name of this daemon.
-    pub instance: String,
+    pub instance: InstanceName,
     /// What is logged, and how.
     pub log: LogSection,
     /// Which cameras.
@@ -31,7 +33,7 @@ pub struct Config {
 }
 
 /// Back end and cameras.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct CamerasConfig {
     /// Where frames come from.
     pub backend: BackendConfig,
@@ -42,10 +44,10 @@ pub struct CamerasConfig {
 }
 
 /// Where frames come from, with the options of that back end only.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub enum BackendConfig {
     /// A recording folder.
-    Replay(PathBuf, ReplaySection),
+    Replay(PathBuf, ReplayOptions),
     /// A rendered room.
     Synthetic(SyntheticSection),
 }
@@ -72,9 +74,9 @@ impl TryFrom<&ConfigFile> for Config {
     type Error = Refusal;
 
     fn try_from(file: &ConfigFile) -> Result<Self, Refusal> {
-        check_instance(&file.instance).map_err(|what| Refusal::new("instance", what))?;
+        let instance: Result<InstanceName, _> = file.instance.parse();
         Ok(Self {
-            instance: file.instance.clone(),
+            instance: instance.map_err(|error| Refusal::new("instance", error.to_string()))?,
             log: file.log.clone(),
             cameras: CamerasConfig::try_from(&file.cameras)?,
             sync: SyncConfig::try_from(&file.sync)?,
@@ -95,18 +97,6 @@ impl Config {
     }
 }
 
-/// Whether a name can be that of a daemon; the message says what is allowed.
-///
-/// # Errors
-/// A sentence for the user.
-pub fn check_instance(name: &str) -> Result<(), String> {
-    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if (1..=32).contains(&name.len()) && name.chars().all(allowed) {
-        return Ok(());
-    }
-    Err(format!("{name:?} is not a name: allowed are 1 to 32 letters, digits, - and _"))
-}
-
 impl TryFrom<&CamerasSection> for CamerasConfig {
     type Error = Refusal;
 
@@ -120,11 +110,21 @@ impl TryFrom<&CamerasSection> for CamerasConfig {
                 let what = "is missing: the back end `replay` needs the folder of a recording";
                 let recording = file.replay.recording.clone();
                 let recording = recording.ok_or_else(|| Refusal::new("cameras.replay.recording", what))?;
-                BackendConfig::Replay(recording, file.replay.clone())
+                BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))
             }
             Backend::Synthetic => BackendConfig::Synthetic(file.synthetic.clone()),
         };
         Ok(Self { backend, list: file.list.iter().map(choice).collect(), reference: file.reference.clone() })
+    }
+}
+
+impl From<&ReplaySection> for ReplayOptions {
+    fn from(file: &ReplaySection) -> Self {
+        let pace = match file.pace {
+            Pace::RealTime => replay::Pace::RealTime,
+            Pace::Unpaced => replay::Pace::Unpaced,
+        };
+        Self { pace, repeat: file.repeat, preload: file.preload }
     }
 }
 
@@ -140,7 +140,8 @@ fn check_list(list: &[CameraEntry]) -> Result<(), Refusal> {
             return Err(Refusal::new(key("serial"), what));
         }
         if list[..index].iter().any(|earlier| earlier.name == entry.name) {
-            let what = format!("{:?} is the name of an earlier camera; every camera needs its own", entry.name);
+            let what =
+                format!("{:?} is the name of an earlier camera; every camera needs its own", entry.name);
             return Err(Refusal::new(key("name"), what));
         }
         if list[..index].iter().any(|earlier| earlier.serial == entry.serial) {
@@ -150,9 +151,6 @@ fn check_list(list: &[CameraEntry]) -> Result<(), Refusal> {
     }
     Ok(())
 }
-
-/// What a name has room for in shared memory.
-const MAX_NAME_BYTES: usize = 32;
 
 /// Names of an unlisted rig are known only when the back end has been asked.
 fn check_reference(file: &CamerasSection) -> Result<(), Refusal> {

@@ -59,9 +59,8 @@ fn value_of_key<'a>(block: &[Line<'a>], key: &str) -> Option<(usize, Vec<Line<'a
     };
     let start = block.iter().position(is_entry)?;
     // A sequence may stand as deep as its own key.
-    let is_inner = |line: &&Line<'_>| {
-        line.indent > indent || (line.indent == indent && line.content.starts_with("- "))
-    };
+    let is_inner =
+        |line: &&Line<'_>| line.indent > indent || (line.indent == indent && line.content.starts_with("- "));
     let inner = block[start + 1..].iter().take_while(is_inner).copied().collect();
     Some((block[start].number, inner))
 }
@@ -72,8 +71,7 @@ fn nth_item<'a>(block: &[Line<'a>], index: usize) -> Option<(usize, Vec<Line<'a>
     let is_item = |line: &Line<'_>| line.indent == indent && line.content.starts_with("- ");
     let (start, first) = block.iter().enumerate().filter(|(_, line)| is_item(line)).nth(index)?;
     let content = first.content[1..].trim_start();
-    let opened =
-        Line { number: first.number, indent: indent + first.content.len() - content.len(), content };
+    let opened = Line { number: first.number, indent: indent + first.content.len() - content.len(), content };
     let rest = block[start + 1..].iter().take_while(|line| line.indent > indent).copied();
     Some((first.number, std::iter::once(opened).chain(rest).collect()))
 }

@@ -10,7 +10,7 @@ mod tests;
 
 use std::path::Path;
 
-pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config, SyncConfig, check_instance};
+pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config, SyncConfig};
 pub use error::{ConfigError, Refusal};
 pub use sections::*;
 
@@ -80,7 +80,8 @@ fn unquoted_serial(text: &str, sections: &ConfigFile) -> Option<Refusal> {
         let line = text.lines().nth(locate::line_of(text, &key) - 1)?;
         let serial = &entry.serial.0;
         let digits_only = !serial.is_empty() && serial.bytes().all(|byte| byte.is_ascii_digit());
-        let bare = line.split_once("serial:").is_some_and(|(_, value)| value.trim_start().starts_with(serial));
+        let bare =
+            line.split_once("serial:").is_some_and(|(_, value)| value.trim_start().starts_with(serial));
         (digits_only && bare).then(|| Refusal::new(key, UNQUOTED_SERIAL))
     })
 }

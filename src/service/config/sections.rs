@@ -8,6 +8,8 @@ use std::path::PathBuf;
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::ipc::InstanceName;
+
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "expected keys with values")]
@@ -29,7 +31,7 @@ pub struct ConfigFile {
 impl Default for ConfigFile {
     fn default() -> Self {
         Self {
-            instance: "pelical".to_owned(),
+            instance: InstanceName::default().to_string(),
             log: LogSection::default(),
             cameras: CamerasSection::default(),
             sync: SyncSection::default(),
@@ -137,8 +139,7 @@ pub struct CameraEntry {
 pub struct Serial(pub String);
 
 /// What to say about a serial number that was written without quotes.
-pub const UNQUOTED_SERIAL: &str =
-    "a serial number is a string: write it in quotes (\"012345\"), as a number its leading zeros would be lost";
+pub const UNQUOTED_SERIAL: &str = "a serial number is a string: write it in quotes (\"012345\"), as a number its leading zeros would be lost";
 
 impl<'de> Deserialize<'de> for Serial {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -204,7 +205,7 @@ pub enum Pace {
     /// By the stamps of the frames.
     RealTime,
     /// As fast as they are taken.
-    Fast,
+    Unpaced,
 }
 
 /// `cameras.synthetic`.

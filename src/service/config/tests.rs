@@ -44,7 +44,10 @@ fn an_unquoted_serial_is_refused_with_the_reason() {
         let text = format!("cameras:\n  list:\n    - name: a\n      serial: {bare}\n");
         check_refused(&text, &["c.yaml:4: cameras.list[0].serial", "quotes", "leading zeros"]);
     }
-    check_refused("cameras:\n  list: [{name: a, serial: 007}]\n", &["c.yaml:2: cameras.list[0].serial", "quotes"]);
+    check_refused(
+        "cameras:\n  list: [{name: a, serial: 007}]\n",
+        &["c.yaml:2: cameras.list[0].serial", "quotes"],
+    );
     let quoted = "cameras:\n  list:\n    - {name: a, serial: \"012345\"}\n    - {name: b, serial: 'f001'}\n    - {name: c, serial: f12}\n";
     let sections = parse(Path::new("c.yaml"), quoted).expect("serials in quotes, or with letters");
     assert_eq!(sections.cameras.list[0].serial.0, "012345");
@@ -52,9 +55,12 @@ fn an_unquoted_serial_is_refused_with_the_reason() {
 
 #[test]
 fn values_out_of_range_say_line_key_and_range() {
-    check_refused("lines:\n  # why\n  min_length_px: 2\n", &["c.yaml:3: lines.min_length_px: 2", "10 to 1000"]);
+    check_refused(
+        "lines:\n  # why\n  min_length_px: 2\n",
+        &["c.yaml:3: lines.min_length_px: 2", "10 to 1000"],
+    );
     check_refused("estimate:\n  max_baseline_m: .nan\n", &["c.yaml:2: estimate.max_baseline_m: NaN"]);
-    check_refused("instance: a/b\n", &["c.yaml:1: instance: \"a/b\"", "letters, digits"]);
+    check_refused("instance: a/b\n", &["c.yaml:1: instance: ", "a-z, 0-9"]);
     check_refused(
         "sync: {max_skew_ms: 500, stalled_after_ms: 500}\n",
         &["c.yaml:1: sync.max_skew_ms", "below sync.stalled_after_ms"],
@@ -67,7 +73,10 @@ fn cameras_must_differ_and_the_reference_must_be_one_of_them() {
     let two = |a: &str, b: &str| format!("cameras:\n  list:\n    - {a}\n    - {b}\n  reference: right\n");
     let left = "{name: left, serial: \"1\"}";
     check_refused(&two(left, "{name: left, serial: \"2\"}"), &["c.yaml:4: cameras.list[1].name", "earlier"]);
-    check_refused(&two(left, "{name: right, serial: \"1\"}"), &["c.yaml:4: cameras.list[1].serial", "earlier"]);
+    check_refused(
+        &two(left, "{name: right, serial: \"1\"}"),
+        &["c.yaml:4: cameras.list[1].serial", "earlier"],
+    );
     check_refused(&two(left, "{name: up, serial: \"2\"}"), &["c.yaml:5: cameras.reference", "left, up"]);
     check_refused(&two(left, "{name: right}"), &["c.yaml:4: cameras.list[1]", "missing key `serial`"]);
 }

@@ -1,0 +1,44 @@
+//! Why a command did not do what was asked, and the exit code that says so.
+
+use super::exit::Exit;
+use crate::capture::CaptureError;
+use crate::service::config::ConfigError;
+
+/// Every way a command can fail.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// The config file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A camera or recording is not usable.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// stdout or a file cannot be written, or a process not started.
+    #[error("{what}: {source}")]
+    System {
+        /// What was tried.
+        what: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Anything else, told in a sentence.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl CliError {
+    /// The exit code for scripts.
+    pub fn exit(&self) -> Exit {
+        match self {
+            CliError::Config(_) => Exit::BadConfig,
+            CliError::Capture(CaptureError::BadData { .. }) => Exit::BadData,
+            CliError::Capture(_) | CliError::System { .. } | CliError::Failed(_) => Exit::Failed,
+        }
+    }
+
+    /// For `map_err`: what was tried when the system refused.
+    pub fn system(what: impl Into<String>) -> impl FnOnce(std::io::Error) -> Self {
+        let what = what.into();
+        move |source| Self::System { what, source }
+    }
+}

@@ -1,0 +1,5 @@
+//! The client's commands.
+
+pub mod args;
+pub mod exit;
+pub mod output;
