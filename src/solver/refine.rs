@@ -69,14 +69,19 @@ pub fn refine(scene: &Scene<'_>, matches: &[usize], start: &Motion, noise_scale:
 }
 
 /// `H step = -g` of the robust cost at one pose.
-struct NormalEquations {
-    cost: f64,
-    information: Matrix6<f64>,
-    gradient: Vector6<f64>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct NormalEquations {
+    /// Robust cost.
+    pub cost: f64,
+    /// `H`: information of a step (x y z rx ry rz).
+    pub information: Matrix6<f64>,
+    /// `g`.
+    pub gradient: Vector6<f64>,
 }
 
 impl NormalEquations {
-    fn at(scene: &Scene<'_>, matches: &[usize], pose: &Motion, noise_scale: f64) -> Self {
+    /// Sums the matches (indices of candidates) at a pose.
+    pub fn at(scene: &Scene<'_>, matches: &[usize], pose: &Motion, noise_scale: f64) -> Self {
         let mut sum = Self { cost: 0.0, information: Matrix6::zeros(), gradient: Vector6::zeros() };
         let width2 = LOSS_WIDTH * LOSS_WIDTH;
         for &idx in matches {

@@ -49,10 +49,15 @@ fn the_derivative_by_the_pose_agrees_with_central_differences() {
     for axis in 0..6 {
         let mut step = Vector6::zeros();
         step[axis] = 1e-6;
-        let at = |step: Vector6<f64>| match_residual(&target, &source, &updated(&near, &step)).expect("as above").residual;
+        let at = |step: Vector6<f64>| {
+            match_residual(&target, &source, &updated(&near, &step)).expect("as above").residual
+        };
         let difference = (at(step) - at(-step)) / 2e-6;
         let column = found.d_residual_d_pose.column(axis).into_owned();
-        assert!((difference - column).amax() < 1e-6 * (1.0 + column.amax()), "axis {axis}: {difference} {column}");
+        assert!(
+            (difference - column).amax() < 1e-6 * (1.0 + column.amax()),
+            "axis {axis}: {difference} {column}"
+        );
     }
 }
 
