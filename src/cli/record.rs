@@ -40,7 +40,7 @@ pub fn run(args: &RecordArgs) -> Result<(), CliError> {
     if let Some(reference_from_camera) = config.cameras.truth(&rig)? {
         writer.write_ground_truth(&reference_from_camera)?;
     }
-    let mut recorder = Recorder::new(opened, &rig, config.sync.max_skew);
+    let mut recorder = Recorder::new(opened, &rig, config.pipeline.sync.max_skew);
     let written = recorder.write_all(&mut writer, args);
     // Whatever ended it, what was written shall be readable.
     writer.finish()?;

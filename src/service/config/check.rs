@@ -1,17 +1,12 @@
 //! From the sections of the file to checked options in internal units.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use super::error::Refusal;
-use super::sections::{
-    Backend, CameraEntry, CamerasSection, ConfigFile, EstimateSection, LinesSection, LogSection, Pace,
-    ReplaySection, SyncSection, SyntheticSection,
-};
+use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection, SyntheticSection};
 use crate::capture::replay::{self, ReplayOptions};
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
-use crate::lines::{DetectOptions, LiftOptions};
-use crate::solver::EstimateOptions;
+use crate::pipeline::PipelineOptions;
 
 /// Everything the daemon needs to know, checked.
 #[derive(Debug, Clone)]
@@ -22,14 +17,8 @@ pub struct Config {
     pub log: LogSection,
     /// Which cameras.
     pub cameras: CamerasConfig,
-    /// What counts as one moment.
-    pub sync: SyncConfig,
-    /// What counts as a segment.
-    pub detect: DetectOptions,
-    /// Noise and limits of lifting.
-    pub lift: LiftOptions,
-    /// Limits of the estimate.
-    pub estimate: EstimateOptions,
+    /// Everything between frames and results.
+    pub pipeline: PipelineOptions,
 }
 
 /// Back end and cameras.
@@ -61,15 +50,6 @@ pub struct CameraChoice {
     pub serial: String,
 }
 
-/// What counts as one moment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SyncConfig {
-    /// Largest difference of the stamps in one frame set.
-    pub max_skew: Duration,
-    /// Without a frame for this long a camera counts as stalled.
-    pub stalled_after: Duration,
-}
-
 impl TryFrom<&ConfigFile> for Config {
     type Error = Refusal;
 
@@ -79,10 +59,7 @@ impl TryFrom<&ConfigFile> for Config {
             instance: instance.map_err(|error| Refusal::new("instance", error.to_string()))?,
             log: file.log.clone(),
             cameras: CamerasConfig::try_from(&file.cameras)?,
-            sync: SyncConfig::try_from(&file.sync)?,
-            detect: DetectOptions::try_from(&file.lines)?,
-            lift: LiftOptions::try_from(&file.lines)?,
-            estimate: EstimateOptions::try_from(&file.estimate)?,
+            pipeline: super::convert::pipeline_options(file)?,
         })
     }
 }
@@ -161,60 +138,4 @@ fn check_reference(file: &CamerasSection) -> Result<(), Refusal> {
     let names: Vec<&str> = file.list.iter().map(|entry| entry.name.as_str()).collect();
     let what = format!("{reference:?} is not a camera of the list; allowed are {}", names.join(", "));
     Err(Refusal::new("cameras.reference", what))
-}
-
-impl TryFrom<&SyncSection> for SyncConfig {
-    type Error = Refusal;
-
-    fn try_from(file: &SyncSection) -> Result<Self, Refusal> {
-        let SyncSection { max_skew_ms, stalled_after_ms } = *file;
-        within("sync.max_skew_ms", max_skew_ms, (0.0, 1_000.0))?;
-        within("sync.stalled_after_ms", stalled_after_ms, (10.0, 60_000.0))?;
-        if max_skew_ms >= stalled_after_ms {
-            let what = format!("{max_skew_ms} must be below sync.stalled_after_ms ({stalled_after_ms})");
-            return Err(Refusal::new("sync.max_skew_ms", what));
-        }
-        Ok(Self { max_skew: from_ms(max_skew_ms), stalled_after: from_ms(stalled_after_ms) })
-    }
-}
-
-impl TryFrom<&LinesSection> for DetectOptions {
-    type Error = Refusal;
-
-    fn try_from(file: &LinesSection) -> Result<Self, Refusal> {
-        within("lines.min_length_px", file.min_length_px, (10.0, 1_000.0))?;
-        Ok(Self { min_length_px: file.min_length_px })
-    }
-}
-
-impl TryFrom<&LinesSection> for LiftOptions {
-    type Error = Refusal;
-
-    fn try_from(file: &LinesSection) -> Result<Self, Refusal> {
-        let LinesSection { sigma_inverse_depth_per_m, min_inlier_ratio, .. } = *file;
-        within("lines.sigma_inverse_depth_per_m", sigma_inverse_depth_per_m, (1e-5, 1.0))?;
-        within("lines.min_inlier_ratio", min_inlier_ratio, (0.1, 1.0))?;
-        Ok(Self { sigma_inverse_depth_per_m, min_inlier_ratio })
-    }
-}
-
-impl TryFrom<&EstimateSection> for EstimateOptions {
-    type Error = Refusal;
-
-    fn try_from(file: &EstimateSection) -> Result<Self, Refusal> {
-        within("estimate.max_baseline_m", file.max_baseline_m, (0.01, 20.0))?;
-        Ok(Self { max_baseline_m: file.max_baseline_m })
-    }
-}
-
-/// Refuses a value outside a range, not-a-number included.
-fn within(key: &str, value: f64, (low, high): (f64, f64)) -> Result<(), Refusal> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Refusal::new(key, format!("{value} is out of range: allowed is {low} to {high}")))
-}
-
-fn from_ms(milliseconds: f64) -> Duration {
-    Duration::from_secs_f64(milliseconds * 1e-3)
 }

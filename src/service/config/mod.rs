@@ -1,18 +1,22 @@
 //! The config file: reads it, refuses what is wrong with file, line, key and what is allowed, and converts the user's units
 //! into the options of the parts once.
 
+mod backend;
 mod check;
+mod convert;
 mod error;
 mod locate;
 mod sections;
+mod serial;
 #[cfg(test)]
 mod tests;
 
 use std::path::Path;
 
-pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config, SyncConfig};
+pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
 pub use sections::*;
+pub use serial::{Serial, UNQUOTED_SERIAL};
 
 /// Reads and checks a config file; the file's sections come with the checked options, to be shown.
 ///

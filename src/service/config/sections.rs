@@ -2,13 +2,16 @@
 //!
 //! Nothing is checked here but shape and spelling; ranges are checked where the sections become [`super::Config`].
 
-use std::fmt;
 use std::path::PathBuf;
+use std::time::Duration;
 
-use serde::de::{self, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
+use super::serial::Serial;
 use crate::ipc::InstanceName;
+use crate::lines::{DetectOptions, LiftOptions};
+use crate::pipeline::{MotionOptions, SyncOptions};
+use crate::solver::EstimateOptions;
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -133,50 +136,6 @@ pub struct CameraEntry {
     pub serial: Serial,
 }
 
-/// A serial number, which must be written as a string.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(transparent)]
-pub struct Serial(pub String);
-
-/// What to say about a serial number that was written without quotes.
-pub const UNQUOTED_SERIAL: &str = "a serial number is a string: write it in quotes (\"012345\"), as a number its leading zeros would be lost";
-
-impl<'de> Deserialize<'de> for Serial {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(SerialVisitor)
-    }
-}
-
-struct SerialVisitor;
-
-impl Visitor<'_> for SerialVisitor {
-    type Value = Serial;
-
-    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("a string in quotes")
-    }
-
-    fn visit_str<E: de::Error>(self, text: &str) -> Result<Serial, E> {
-        Ok(Serial(text.to_owned()))
-    }
-
-    fn visit_u64<E: de::Error>(self, _: u64) -> Result<Serial, E> {
-        Err(E::custom(UNQUOTED_SERIAL))
-    }
-
-    fn visit_i64<E: de::Error>(self, _: i64) -> Result<Serial, E> {
-        Err(E::custom(UNQUOTED_SERIAL))
-    }
-
-    fn visit_u128<E: de::Error>(self, _: u128) -> Result<Serial, E> {
-        Err(E::custom(UNQUOTED_SERIAL))
-    }
-
-    fn visit_f64<E: de::Error>(self, _: f64) -> Result<Serial, E> {
-        Err(E::custom(UNQUOTED_SERIAL))
-    }
-}
-
 /// `cameras.replay`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
@@ -228,13 +187,27 @@ impl Default for SyntheticSection {
 pub struct SyncSection {
     /// Largest difference of the stamps in one frame set.
     pub max_skew_ms: f64,
+    /// How long a frame waits for those of the other cameras.
+    pub wait_ms: f64,
     /// Without a frame for this long a camera counts as stalled.
     pub stalled_after_ms: f64,
+    /// A camera that is stalled for this long is opened again.
+    pub reopen_after_ms: f64,
+    /// Frame sets taken in faster motion are not used.
+    pub max_speed_px_per_s: f64,
 }
 
 impl Default for SyncSection {
     fn default() -> Self {
-        Self { max_skew_ms: 8.0, stalled_after_ms: 500.0 }
+        let (sync, motion) = (SyncOptions::default(), MotionOptions::default());
+        let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
+        Self {
+            max_skew_ms: ms(sync.max_skew),
+            wait_ms: ms(sync.wait),
+            stalled_after_ms: ms(sync.stalled_after),
+            reopen_after_ms: ms(sync.reopen_after),
+            max_speed_px_per_s: motion.max_speed_px_per_s,
+        }
     }
 }
 
@@ -242,21 +215,36 @@ impl Default for SyncSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
 pub struct LinesSection {
+    /// Threads; 0 takes one per camera, at most one per core.
+    pub threads: usize,
     /// Shortest segment kept.
     pub min_length_px: f64,
+    /// Least gradient along an edge.
+    pub min_gradient_levels_per_px: f64,
+    /// Most segments of one image.
+    pub max_segments: usize,
     /// Standard deviation of one inverse-depth reading, 1/m.
     pub sigma_inverse_depth_per_m: f64,
+    /// Systematic error of inverse depth, as a share of it.
+    pub relative_systematic: f64,
     /// Least share of agreeing depth samples for a lifted line.
     pub min_inlier_ratio: f64,
+    /// Least share of the segment's length beside which depth agrees.
+    pub min_coverage: f64,
 }
 
 impl Default for LinesSection {
     fn default() -> Self {
-        let (detect, lift) = (crate::lines::DetectOptions::default(), crate::lines::LiftOptions::default());
+        let (detect, lift) = (DetectOptions::default(), LiftOptions::default());
         Self {
+            threads: 0,
             min_length_px: detect.min_length_px,
+            min_gradient_levels_per_px: detect.min_gradient_levels_per_px,
+            max_segments: detect.max_segments,
             sigma_inverse_depth_per_m: lift.sigma_inverse_depth_per_m,
+            relative_systematic: lift.relative_systematic,
             min_inlier_ratio: lift.min_inlier_ratio,
+            min_coverage: lift.min_coverage,
         }
     }
 }
@@ -267,10 +255,39 @@ impl Default for LinesSection {
 pub struct EstimateSection {
     /// Largest distance between two cameras that is considered.
     pub max_baseline_m: f64,
+    /// Lifted lines kept per image.
+    pub max_lines_per_view: usize,
+    /// Frame sets kept.
+    pub max_sets: usize,
+    /// Least number of independent matches of a converged pair.
+    pub min_matches: usize,
+    /// Least number of distinct rig views of a converged pair.
+    pub min_views: usize,
+    /// Factor by which the best pose must beat the runner-up.
+    pub min_lead: f64,
+    /// Largest standard deviation of the translation in its worst direction.
+    pub max_sigma_translation_mm: f64,
+    /// Largest standard deviation of the rotation about its worst axis.
+    pub max_sigma_rotation_deg: f64,
+    /// Largest share of surface samples that may contradict the pose.
+    pub max_free_space_violated: f64,
 }
 
 impl Default for EstimateSection {
     fn default() -> Self {
-        Self { max_baseline_m: crate::solver::EstimateOptions::default().max_baseline_m }
+        let EstimateOptions { max_baseline_m, evidence, verdict } = EstimateOptions::default();
+        // People write 0.126 degrees, not 0.12605071492874652.
+        let rounded = |value: f64| (value * 1e3).round() / 1e3;
+        Self {
+            max_baseline_m,
+            max_lines_per_view: evidence.max_lines_per_view,
+            max_sets: evidence.max_sets,
+            min_matches: verdict.min_matches,
+            min_views: verdict.min_views,
+            min_lead: verdict.min_lead,
+            max_sigma_translation_mm: rounded(verdict.max_sigma_translation_m * 1e3),
+            max_sigma_rotation_deg: rounded(verdict.max_sigma_rotation_rad.to_degrees()),
+            max_free_space_violated: verdict.max_free_space_violated,
+        }
     }
 }
