@@ -8,4 +8,5 @@ pub mod capture;
 pub mod geometry;
 pub mod image;
 pub mod lines;
+pub mod pipeline;
 pub mod solver;
