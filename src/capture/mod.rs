@@ -4,8 +4,9 @@
 //! owns. Everything that can go wrong with a camera is a [`CaptureError`] with a variant for what the caller can do about it.
 
 pub mod frame;
+pub mod recording;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 pub use frame::{CameraInfo, RgbdFrame, StampNs};
@@ -78,4 +79,16 @@ pub enum CaptureError {
         /// What the system said.
         source: std::io::Error,
     },
+}
+
+impl CaptureError {
+    /// Data that is not what the layout promises, in `path`.
+    pub(crate) fn bad_data(path: &Path, what: impl Into<String>) -> Self {
+        Self::BadData { path: path.to_path_buf(), what: what.into() }
+    }
+
+    /// What the system said about `path`.
+    pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_path_buf(), source }
+    }
 }

@@ -1,17 +1,41 @@
-//! Straight segments of a gray image.
+//! Straight segments of a gray image: edges are drawn along the gradient's ridge, cut into straight fragments, and the
+//! longest fragments grown into whole edges over small gaps.
+//!
+//! Long edges matter most: an edge interrupted by clutter comes out as one segment.
+mod fragment;
+mod gradient;
+mod grow;
+mod trace;
+mod track;
+
 use crate::geometry::Segment;
 use crate::image::GrayView;
+use fragment::Fragment;
+use gradient::{COUNTS_PER_LEVEL, Gradient};
+use grow::Grower;
+use trace::{TraceLimits, Tracer};
+
+/// Smallest image side worth looking at, px.
+const MIN_SIDE_PX: usize = 16;
+/// Most fragments kept of one image.
+const MAX_FRAGMENTS: usize = 8192;
+/// Shortest fragment that is grown, px.
+const MIN_FRAGMENT_PX: f32 = 9.0;
 
 /// What counts as a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectOptions {
     /// Shortest segment kept, px.
     pub min_length_px: f64,
+    /// Least gradient along an edge, gray levels per px.
+    pub min_gradient_levels_per_px: f64,
+    /// Most segments of one image; the longest are kept.
+    pub max_segments: usize,
 }
 
 impl Default for DetectOptions {
     fn default() -> Self {
-        Self { min_length_px: 30.0 }
+        Self { min_length_px: 28.0, min_gradient_levels_per_px: 1.5, max_segments: 300 }
     }
 }
 
@@ -19,17 +43,69 @@ impl Default for DetectOptions {
 #[derive(Debug)]
 pub struct Detector {
     options: DetectOptions,
+    gradient: Gradient,
+    tracer: Tracer,
+    fragments: Vec<Fragment>,
+    grower: Grower,
+    grown: Vec<Segment>,
 }
 
 impl Detector {
     /// A detector with the given options.
     pub fn new(options: DetectOptions) -> Self {
-        Self { options }
+        Self {
+            options,
+            gradient: Gradient::default(),
+            tracer: Tracer::default(),
+            fragments: Vec::new(),
+            grower: Grower::default(),
+            grown: Vec::new(),
+        }
     }
 
     /// Replaces `segments` by those of `image`, longest first; the same image gives the same segments, bit for bit.
-    pub fn detect(&mut self, _image: &GrayView<'_>, segments: &mut Vec<Segment>) {
-        let _ = self.options;
+    pub fn detect(&mut self, image: &GrayView<'_>, segments: &mut Vec<Segment>) {
         segments.clear();
+        if image.width() < MIN_SIDE_PX || image.height() < MIN_SIDE_PX {
+            return;
+        }
+        self.gradient.compute(image);
+        self.find_fragments();
+        self.grower.reset(&self.gradient, MAX_FRAGMENTS);
+        let grown = &mut self.grown;
+        grown.clear();
+        grown.reserve(MAX_FRAGMENTS);
+        for fragment in &self.fragments {
+            grown.extend(self.grower.grow(&self.gradient, fragment, self.options.min_length_px));
+        }
+        // The unstable sort allocates nothing; ties are broken by position, so that it stays deterministic.
+        grown.sort_unstable_by(|a, b| {
+            b.length_px()
+                .total_cmp(&a.length_px())
+                .then(a.start.y.total_cmp(&b.start.y))
+                .then(a.start.x.total_cmp(&b.start.x))
+        });
+        segments.reserve(self.options.max_segments);
+        segments.extend(grown.iter().take(self.options.max_segments));
+    }
+
+    /// Straight fragments, longest first.
+    fn find_fragments(&mut self) {
+        self.fragments.clear();
+        self.fragments.reserve(MAX_FRAGMENTS);
+        let least = (self.options.min_gradient_levels_per_px * COUNTS_PER_LEVEL).clamp(1.0, 16_000.0);
+        let limits = TraceLimits { anchor: (1.2 * least) as i16, follow: least as i16 };
+        let fragments = &mut self.fragments;
+        self.tracer.trace(&self.gradient, limits, |chain| fragment::split(chain, fragments));
+        fragments.retain(|fragment| fragment.length_px2() >= MIN_FRAGMENT_PX * MIN_FRAGMENT_PX);
+        fragments.sort_unstable_by(|a, b| {
+            b.length_px2()
+                .total_cmp(&a.length_px2())
+                .then(a.start.y.total_cmp(&b.start.y))
+                .then(a.start.x.total_cmp(&b.start.x))
+        });
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,8 @@
 
 pub mod detect;
 pub mod lift;
+pub mod surface;
 
 pub use detect::{DetectOptions, Detector};
 pub use lift::{LiftOptions, Lifter};
+pub use surface::sample_surface;

@@ -1,7 +1,20 @@
 //! From lines seen by several cameras to the extrinsics of the rig.
 
+pub mod association;
+pub mod candidates;
+pub mod consensus;
+pub mod evidence;
+pub mod free_space;
+pub mod joint;
+pub mod refine;
+pub mod residual;
 pub mod result;
 pub mod rig;
+pub mod rotation_vote;
+pub mod translation_vote;
+pub mod verdict;
 
+pub use evidence::EvidenceLimits;
 pub use result::*;
 pub use rig::{EstimateOptions, RigEstimator};
+pub use verdict::VerdictLimits;

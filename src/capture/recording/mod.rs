@@ -1,0 +1,161 @@
+//! A recording on disk (layout `rgbd-rig/1`), read at any position, in any order.
+//!
+//! Decides what counts as a usable recording: everything is checked when it is opened, except the images, which are checked
+//! when they are read. Ground truth is never read unless [`Recording::ground_truth`] is called.
+
+mod images;
+mod sections;
+mod truth;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
+
+pub use truth::GroundTruth;
+
+/// Value of the key `format` of the recordings that this version reads and writes.
+pub const FORMAT: &str = "rgbd-rig/1";
+/// Name of the file that describes a recording.
+pub const RECORDING_FILE: &str = "recording.yaml";
+/// Name of the file that holds the truth.
+pub const GROUND_TRUTH_FILE: &str = "ground_truth.yaml";
+/// Bytes; a day of three cameras at 30 frames per second needs 200 MB, anything longer is not a text of ours.
+const MAX_TEXT_BYTES: u64 = 256 << 20;
+
+/// A checked recording: cameras and the stamps of its frame sets.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    folder: PathBuf,
+    description: String,
+    source: String,
+    cameras: Vec<CameraInfo>,
+    frame_sets: Vec<Vec<StampNs>>,
+}
+
+impl Recording {
+    /// Opens the recording in a folder and checks `recording.yaml`; reads no image and no ground truth.
+    ///
+    /// # Errors
+    /// [`CaptureError::BadData`] names the file, the line or key, and what is allowed; [`CaptureError::Io`] otherwise.
+    pub fn open(folder: &Path) -> Result<Self, CaptureError> {
+        let file = folder.join(RECORDING_FILE);
+        let text = read_text(&file)?.ok_or_else(|| CaptureError::bad_data(&file, missing_file(folder)))?;
+        let parsed = sections::parse_recording(&text).map_err(|what| CaptureError::bad_data(&file, what))?;
+        Ok(Self {
+            folder: folder.to_path_buf(),
+            description: parsed.description,
+            source: parsed.source,
+            cameras: parsed.cameras,
+            frame_sets: parsed.frame_sets,
+        })
+    }
+
+    /// The folder it was opened from.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// One line about what was recorded; may be empty.
+    pub fn description(&self) -> &str {
+        &self.description
+    }
+
+    /// Where the frames come from, and their licence; may be empty.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// The cameras, at least one, in the order of the file; the first one is the frame of the ground truth.
+    pub fn cameras(&self) -> &[CameraInfo] {
+        &self.cameras
+    }
+
+    /// Per frame set the stamp of each camera's frame, in the order of [`Self::cameras`]; never empty, stamps increase.
+    pub fn frame_sets(&self) -> &[Vec<StampNs>] {
+        &self.frame_sets
+    }
+
+    /// Overwrites `frame` with the frame that a camera took at `stamp`, one of those in [`Self::frame_sets`]; its sequence is
+    /// the number of the frame set, from 0. Buffers are reused; after an error `frame` holds no image.
+    ///
+    /// # Errors
+    /// [`CaptureError::BadData`] names the image file, what was found and what is allowed.
+    pub fn read_frame(
+        &self,
+        camera_idx: usize,
+        stamp: StampNs,
+        frame: &mut RgbdFrame,
+    ) -> Result<(), CaptureError> {
+        (frame.width, frame.height) = (0, 0);
+        let (info, set_idx) = self.find(camera_idx, stamp)?;
+        let camera_folder = self.folder.join(&info.name);
+        images::read_color(&camera_folder, stamp, &info.camera, &mut frame.rgb)?;
+        images::read_depth(&camera_folder, stamp, &info.camera, &mut frame.depth)?;
+        frame.stamp = stamp;
+        frame.sequence = set_idx as u64;
+        frame.depth_unit_m = info.depth_unit_m;
+        (frame.width, frame.height) = images::size_px(&info.camera);
+        Ok(())
+    }
+
+    /// The truth that lies beside the recording; `None` when there is no such file.
+    ///
+    /// # Errors
+    /// When the file is there but not usable: names the file, the camera, and what is allowed.
+    pub fn ground_truth(&self) -> Result<Option<GroundTruth>, CaptureError> {
+        let file = self.folder.join(GROUND_TRUTH_FILE);
+        let Some(text) = read_text(&file)? else { return Ok(None) };
+        let names: Vec<&str> = self.cameras.iter().map(|info| info.name.as_str()).collect();
+        let truth =
+            truth::parse_ground_truth(&text, &names).map_err(|what| CaptureError::bad_data(&file, what))?;
+        Ok(Some(truth))
+    }
+
+    fn find(&self, camera_idx: usize, stamp: StampNs) -> Result<(&CameraInfo, usize), CaptureError> {
+        let file = || self.folder.join(RECORDING_FILE);
+        let Some(info) = self.cameras.get(camera_idx) else {
+            let what =
+                format!("has {} cameras, so there is no camera number {camera_idx}", self.cameras.len());
+            return Err(CaptureError::bad_data(&file(), what));
+        };
+        let set_idx = self.frame_sets.binary_search_by_key(&Some(stamp), |set| set.get(camera_idx).copied());
+        set_idx.map(|idx| (info, idx)).map_err(|_| {
+            let what = format!("camera \"{}\" has no frame with stamp {}", info.name, stamp.0);
+            CaptureError::bad_data(&file(), what)
+        })
+    }
+}
+
+/// The text of a file; `None` when there is no such file.
+fn read_text(file: &Path) -> Result<Option<String>, CaptureError> {
+    let bytes = match read_file(file, MAX_TEXT_BYTES)? {
+        Some(bytes) => bytes,
+        None => return Ok(None),
+    };
+    String::from_utf8(bytes).map(Some).map_err(|error| {
+        CaptureError::bad_data(file, format!("is not a text: {}; UTF-8 is allowed", error.utf8_error()))
+    })
+}
+
+/// The bytes of a file of at most `max_bytes`; `None` when there is no such file.
+fn read_file(file: &Path, max_bytes: u64) -> Result<Option<Vec<u8>>, CaptureError> {
+    let metadata = match fs::metadata(file) {
+        Ok(metadata) => metadata,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(CaptureError::io(file, error)),
+    };
+    if !metadata.is_file() {
+        return Err(CaptureError::bad_data(file, "is not a file"));
+    }
+    if metadata.len() > max_bytes {
+        let what = format!("has {} bytes; at most {max_bytes} are allowed here", metadata.len());
+        return Err(CaptureError::bad_data(file, what));
+    }
+    fs::read(file).map(Some).map_err(|error| CaptureError::io(file, error))
+}
+
+fn missing_file(folder: &Path) -> String {
+    let hint = if folder.is_dir() { "the folder is not a recording" } else { "there is no such folder" };
+    format!("no such file: {hint}; a recording is a folder that holds {RECORDING_FILE}")
+}

@@ -1,0 +1,171 @@
+//! Whole edges from fragments: fit, extend both ways over small gaps, refit, until nothing is gained.
+//!
+//! The longest fragments go first and own their pixels, so that an edge is found once.
+use super::fragment::Fragment;
+use super::gradient::Gradient;
+use super::track::{Sample, Track};
+use crate::geometry::{PixelPoint, Segment};
+
+/// Rounds of extending and refitting.
+const MAX_ROUNDS: usize = 6;
+/// A gap is bridged up to this share of the length so far ...
+const GAP_SHARE: f64 = 0.35;
+/// ... within these limits, px.
+const GAP_LIMITS_PX: [f64; 2] = [5.0, 45.0];
+/// Least share of columns with a sample.
+const MIN_SUPPORT: f64 = 0.6;
+/// Least cosine between two segments that may be one edge (10 degrees).
+const MIN_COSINE_SAME: f64 = 0.985;
+/// Largest share of a segment's columns that another segment of its direction may own.
+const MAX_OWNED: f64 = 0.4;
+/// Systematic part of the uncertainty across, px: aliasing, lens blur, compression.
+const SIGMA_FLOOR_PX: f64 = 0.1;
+/// Samples closer than this are correlated by the filters, px.
+const CORRELATION_PX: f64 = 3.0;
+/// Block for the slow part of the residuals, samples.
+const BLOCK: usize = 8;
+
+/// Grows fragments; owns the map of pixels already given to a segment.
+#[derive(Debug, Default)]
+pub struct Grower {
+    /// Index + 1 into `directions` of the segment that owns a pixel; 0 is free.
+    owner: Vec<u16>,
+    directions: Vec<[f64; 2]>,
+    samples: Vec<Sample>,
+}
+
+/// An extent along a track, inclusive, px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Extent {
+    low: i64,
+    high: i64,
+}
+
+impl Extent {
+    fn columns(self) -> f64 {
+        (self.high - self.low + 1) as f64
+    }
+}
+
+impl Grower {
+    /// Forgets all segments and prepares for an image of this size.
+    pub fn reset(&mut self, gradient: &Gradient, max_segments: usize) {
+        self.owner.clear();
+        self.owner.resize(gradient.magnitude.len(), 0);
+        self.directions.clear();
+        self.directions.reserve(max_segments);
+        self.samples.clear();
+        self.samples.reserve(gradient.width.max(gradient.height));
+    }
+
+    /// The whole edge around a fragment; `None` when it is not straight, too short, or found already.
+    pub fn grow(&mut self, gradient: &Gradient, fragment: &Fragment, min_length_px: f64) -> Option<Segment> {
+        let pixel = |p: super::trace::EdgePoint| PixelPoint { x: f64::from(p.x), y: f64::from(p.y) };
+        let (start, end) = (pixel(fragment.start), pixel(fragment.end));
+        let mut track = Track::through(start, end);
+        let [u0, u1] = if track.along_x { [start.x, end.x] } else { [start.y, end.y] };
+        let mut extent = Extent { low: u0.min(u1).round() as i64, high: u0.max(u1).round() as i64 };
+        if self.is_taken(gradient, &track, extent) {
+            return None;
+        }
+        for _ in 0..MAX_ROUNDS {
+            self.collect(gradient, &track, extent);
+            track = track.fitted(&self.samples)?;
+            let grown = self.extended(gradient, &track, extent);
+            if grown == extent {
+                break;
+            }
+            extent = grown;
+        }
+        self.collect(gradient, &track, extent);
+        track = track.fitted(&self.samples)?;
+        let (first, last) = (self.samples.first()?.u as i64, self.samples.last()?.u as i64);
+        let extent = Extent { low: first, high: last };
+        let supported = self.samples.len() as f64 >= MIN_SUPPORT * extent.columns();
+        let long_enough = (extent.columns() - 1.0) * track.stretch() >= min_length_px;
+        if !supported || !long_enough || self.is_taken(gradient, &track, extent) {
+            return None;
+        }
+        self.own(gradient, &track, extent);
+        Some(self.segment(&track, extent))
+    }
+
+    fn collect(&mut self, gradient: &Gradient, track: &Track, extent: Extent) {
+        self.samples.clear();
+        self.samples.extend((extent.low..=extent.high).filter_map(|u| track.sample(gradient, u)));
+    }
+
+    /// Whether a like-directed segment owns much of this extent.
+    fn is_taken(&self, gradient: &Gradient, track: &Track, extent: Extent) -> bool {
+        let n_owned = (extent.low..=extent.high).filter(|&u| self.is_owned(gradient, track, u)).count();
+        n_owned as f64 > MAX_OWNED * extent.columns()
+    }
+
+    fn is_owned(&self, gradient: &Gradient, track: &Track, u: i64) -> bool {
+        let Some((index, _)) = track.index(gradient, u) else { return false };
+        let Some(owner) = usize::from(self.owner[index]).checked_sub(1) else { return false };
+        let ([ax, ay], [bx, by]) = (track.direction(), self.directions[owner]);
+        ax * bx + ay * by >= MIN_COSINE_SAME
+    }
+
+    fn extended(&self, gradient: &Gradient, track: &Track, extent: Extent) -> Extent {
+        Extent {
+            low: self.end_of_support(gradient, track, (extent, -1)),
+            high: self.end_of_support(gradient, track, (extent, 1)),
+        }
+    }
+
+    /// Walks on from one end of the extent while most of the last eight columns show the edge or a gap is short.
+    fn end_of_support(&self, gradient: &Gradient, track: &Track, (extent, step): (Extent, i64)) -> i64 {
+        let max_gap = (GAP_SHARE * extent.columns()).clamp(GAP_LIMITS_PX[0], GAP_LIMITS_PX[1]) as i64;
+        let (low, high) = track.range(gradient);
+        let mut accepted = if step > 0 { extent.high } else { extent.low };
+        let mut recent = u8::MAX;
+        let mut u = accepted + step;
+        while u >= low && u <= high && (u - accepted).abs() <= max_gap + 8 {
+            let seen = track.sample(gradient, u).is_some() && !self.is_owned(gradient, track, u);
+            recent = (recent << 1) | u8::from(seen);
+            if seen && recent.count_ones() >= 6 {
+                accepted = u;
+            }
+            u += step;
+        }
+        accepted
+    }
+
+    /// Marks the pixels of a segment, three wide.
+    fn own(&mut self, gradient: &Gradient, track: &Track, extent: Extent) {
+        self.directions.push(track.direction());
+        let id = u16::try_from(self.directions.len()).unwrap_or(u16::MAX);
+        for u in extent.low..=extent.high {
+            if let Some((index, across)) = track.index(gradient, u) {
+                self.owner[index - across] = id;
+                self.owner[index] = id;
+                self.owner[index + across] = id;
+            }
+        }
+    }
+
+    fn segment(&self, track: &Track, extent: Extent) -> Segment {
+        let [low, high] = [extent.low, extent.high].map(|u| track.pixel(u as f64));
+        let (start, end) = if track.sense > 0.0 { (low, high) } else { (high, low) };
+        Segment { start, end, sigma_across_px: self.sigma_across_px(track) }
+    }
+
+    /// Standard deviation of each end across the line, from the residuals: the larger of what single samples and what
+    /// blocks of them say (slow waves: a slight bend, a misplaced bridge), over a floor.
+    fn sigma_across_px(&self, track: &Track) -> f64 {
+        let distance = |sample: &Sample| (sample.v - track.at(sample.u)) / track.stretch();
+        let n = self.samples.len() as f64;
+        let variance = self.samples.iter().map(|sample| distance(sample).powi(2)).sum::<f64>() / (n - 2.0).max(1.0);
+        // The end of a regression line over evenly spread samples has four times the variance of their mean.
+        let from_samples = 4.0 * variance * CORRELATION_PX / n;
+        let blocks = self.samples.chunks_exact(BLOCK);
+        let n_blocks = blocks.len() as f64;
+        let block_sum: f64 = blocks
+            .map(|block| (block.iter().map(distance).sum::<f64>() / BLOCK as f64).powi(2))
+            .sum();
+        let from_blocks = if n_blocks > 3.0 { 4.0 * block_sum / (n_blocks - 2.0) / n_blocks } else { 0.0 };
+        (from_samples.max(from_blocks) + SIGMA_FLOOR_PX * SIGMA_FLOOR_PX).sqrt()
+    }
+}

@@ -1,0 +1,168 @@
+//! Depth readings in a band on both sides of a segment, and robust averages of them in cells.
+use crate::geometry::{Camera, RayPoint, Segment};
+use crate::image::DepthView;
+
+/// Readings closer to the edge than this are of neither side, px.
+const INNER_PX: f64 = 0.75;
+/// Width of a zone across the edge, px.
+const ZONE_PX: f64 = 2.0;
+/// Zones per side.
+pub const ZONES: usize = 4;
+/// Half-width of the band, px: well beyond the 1 to 4 px over which stereo depth bleeds.
+const OUTER_PX: f64 = INNER_PX + ZONE_PX * ZONES as f64;
+/// Most cells along the edge.
+pub const MAX_BINS: usize = 12;
+/// Length of a cell, px, where the segment is short enough for it.
+const BIN_PX: f64 = 10.0;
+/// Readings a cell keeps for its median.
+const CELL_READINGS: usize = 12;
+/// A cell with fewer readings has no value.
+const MIN_CELL_READINGS: usize = 3;
+
+/// One depth reading near a segment.
+#[derive(Debug, Clone, Copy)]
+pub struct Reading {
+    /// Position along the segment, 0 to 1, linear on the undistorted ray.
+    pub along: f64,
+    /// Position across, px; positive on the right hand.
+    pub across_px: f64,
+    /// Inverse depth, 1/m.
+    pub inverse_depth_per_m: f64,
+    /// Cell along the edge.
+    pub bin: u8,
+}
+
+/// Median of the readings of one cell.
+#[derive(Debug, Clone, Copy)]
+pub struct Cell {
+    /// Mean position and median inverse depth.
+    pub reading: Reading,
+    /// Zone across, 0 beside the edge.
+    pub zone: usize,
+}
+
+/// Fixed-size collection of a cell's readings.
+#[derive(Debug, Clone, Copy, Default)]
+struct CellBuilder {
+    inverse_depths: [f64; CELL_READINGS],
+    n: usize,
+    along: f64,
+    across_px: f64,
+}
+
+/// Everything read around one segment; reused from segment to segment.
+#[derive(Debug, Default)]
+pub struct Band {
+    /// All readings, left side negative across.
+    pub readings: Vec<Reading>,
+    /// Number of pixels looked at on the left and on the right.
+    pub n_pixels: [usize; 2],
+    /// Number of cells along the segment.
+    pub n_bins: usize,
+    /// Cell medians on the left and on the right.
+    pub cells: [Vec<Cell>; 2],
+    builders: Vec<CellBuilder>,
+}
+
+/// The segment's frame in the image: from pixels to (along, across).
+struct Frame {
+    start: [f64; 2],
+    direction: [f64; 2],
+    length_px: f64,
+    /// Bend of `along` by lens distortion: `along = s + bend s (1 - s)` with `s` linear in the image.
+    bend: f64,
+}
+
+impl Frame {
+    fn new(segment: &Segment, camera: &Camera) -> Self {
+        let (start, end) = (segment.start, segment.end);
+        let length_px = segment.length_px();
+        let direction = [(end.x - start.x) / length_px, (end.y - start.y) / length_px];
+        let middle = crate::geometry::PixelPoint { x: 0.5 * (start.x + end.x), y: 0.5 * (start.y + end.y) };
+        let [from, half, to] = [start, middle, end].map(|pixel| camera.ray_from_pixel(pixel));
+        let bend = 4.0 * (share_along(from, to, half) - 0.5);
+        Self { start: [start.x, start.y], direction, length_px, bend }
+    }
+
+    /// Share of the way along and px across (right hand positive) of a pixel.
+    fn locate(&self, x: f64, y: f64) -> (f64, f64) {
+        let (dx, dy) = (x - self.start[0], y - self.start[1]);
+        let s = (dx * self.direction[0] + dy * self.direction[1]) / self.length_px;
+        (s, dy * self.direction[0] - dx * self.direction[1])
+    }
+}
+
+/// Where the foot of `point` lies between two rays, as a share.
+fn share_along(from: RayPoint, to: RayPoint, point: RayPoint) -> f64 {
+    let (dx, dy) = (to.x - from.x, to.y - from.y);
+    ((point.x - from.x) * dx + (point.y - from.y) * dy) / (dx * dx + dy * dy)
+}
+
+impl Band {
+    /// Replaces the band by that of `segment`, whose length is positive.
+    pub fn read(&mut self, segment: &Segment, depth: &DepthView<'_>, camera: &Camera) {
+        let frame = Frame::new(segment, camera);
+        self.readings.clear();
+        self.n_pixels = [0; 2];
+        self.n_bins = ((frame.length_px / BIN_PX) as usize).clamp(4, MAX_BINS);
+        self.builders.clear();
+        self.builders.resize(2 * ZONES * MAX_BINS, CellBuilder::default());
+        let along_x = frame.direction[0].abs() >= frame.direction[1].abs();
+        let [major, minor] = if along_x { [0, 1] } else { [1, 0] };
+        let slope = frame.direction[minor] / frame.direction[major];
+        let first = frame.start[major];
+        let last = first + frame.direction[major] * frame.length_px;
+        let reach = (OUTER_PX / frame.direction[major].abs()).ceil() as i64;
+        for u in first.min(last).ceil() as i64..=first.max(last).floor() as i64 {
+            let middle = (frame.start[minor] + slope * (u as f64 - first)).round() as i64;
+            for v in middle - reach..=middle + reach {
+                let (x, y) = if along_x { (u, v) } else { (v, u) };
+                self.read_pixel(&frame, depth, (x, y));
+            }
+        }
+        self.finish_cells();
+    }
+
+    fn read_pixel(&mut self, frame: &Frame, depth: &DepthView<'_>, (x, y): (i64, i64)) {
+        let (s, across_px) = frame.locate(x as f64, y as f64);
+        let distance_px = across_px.abs();
+        if !(0.0..=1.0).contains(&s) || !(INNER_PX..OUTER_PX).contains(&distance_px) {
+            return;
+        }
+        let side = usize::from(across_px > 0.0);
+        self.n_pixels[side] += 1;
+        let Some(depth_m) = depth.depth_m(x, y) else { return };
+        let inverse_depth_per_m = 1.0 / depth_m;
+        let along = s + frame.bend * s * (1.0 - s);
+        let bin = ((s * self.n_bins as f64) as usize).min(self.n_bins - 1);
+        self.readings.push(Reading { along, across_px, inverse_depth_per_m, bin: bin as u8 });
+        let zone = (((distance_px - INNER_PX) / ZONE_PX) as usize).min(ZONES - 1);
+        let cell = &mut self.builders[(side * ZONES + zone) * MAX_BINS + bin];
+        if cell.n < CELL_READINGS && (x + y) % 2 == 0 {
+            cell.inverse_depths[cell.n] = inverse_depth_per_m;
+            cell.n += 1;
+            cell.along += along;
+            cell.across_px += across_px;
+        }
+    }
+
+    fn finish_cells(&mut self) {
+        self.cells.iter_mut().for_each(Vec::clear);
+        for (idx, builder) in self.builders.iter_mut().enumerate() {
+            if builder.n < MIN_CELL_READINGS {
+                continue;
+            }
+            let n = builder.n as f64;
+            let values = &mut builder.inverse_depths[..builder.n];
+            let (_, &mut median, _) = values.select_nth_unstable_by(builder.n / 2, f64::total_cmp);
+            let (row, bin) = (idx / MAX_BINS, idx % MAX_BINS);
+            let reading = Reading {
+                along: builder.along / n,
+                across_px: builder.across_px / n,
+                inverse_depth_per_m: median,
+                bin: bin as u8,
+            };
+            self.cells[row / ZONES].push(Cell { reading, zone: row % ZONES });
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Which candidates a pose explains: one-to-one within every frame set, each physical repetition once.
+//!
+//! A match gains the logarithm of how much better the pose explains it than chance does: precise agreement of precise lines
+//! counts most, loose agreement of far or extrapolated lines hardly. The sum over all matches is the score of the pose.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{Matrix4, Matrix6, UnitQuaternion, Vector3, Vector6};
+
+use super::candidates::{Candidate, PairEvidence};
+use super::residual::{MatchResidual, match_residual};
+use super::translation_vote::TranslationLine;
+use crate::geometry::motion::Motion;
+
+/// Agreement worse than this is none: 99.9 % of true matches (chi-square, four degrees of freedom).
+pub const MAX_DISTANCE2: f64 = 18.5;
+/// Chance: offsets within ±0.6 of the image plane at both ends and inverse depths within 1/m, uniformly.
+const LOG_CHANCE_VOLUME: f64 = 0.365;
+/// Rooms repeat themselves (parallel edges, equal spacings): chance is likelier than uniform by this much, nats.
+const STRUCTURE_PENALTY: f64 = 4.0;
+/// No single match counts more, nats: one lucky coincidence of precise lines must not outvote several honest ones.
+const MAX_GAIN: f64 = 8.0;
+/// First look, before the full residual: directions within this angle, rad.
+const COARSE_ANGLE_RAD: f64 = 0.15;
+
+/// How far a pose may still be off when matches are looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gate {
+    /// Standard deviation of the translation per axis, m.
+    pub translation_m: f64,
+    /// Standard deviation of the rotation per axis, rad.
+    pub rotation_rad: f64,
+    /// Factor on the lines' standard deviations (1 when the noise model fits the sensor).
+    pub noise_scale: f64,
+}
+
+impl Gate {
+    fn pose_covariance(&self) -> Matrix6<f64> {
+        let (t2, r2) = (self.translation_m * self.translation_m, self.rotation_rad * self.rotation_rad);
+        Matrix6::from_diagonal(&Vector6::new(t2, t2, t2, r2, r2, r2))
+    }
+}
+
+/// A candidate that a pose explains.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Match {
+    /// Index into the candidates.
+    pub candidate: usize,
+    /// Squared Mahalanobis distance under the gate.
+    pub distance2: f64,
+    /// Evidence for the pose, nats, above 0.
+    pub gain: f64,
+}
+
+/// A pose with the candidates near it.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// The pair.
+    pub pair: PairEvidence<'a>,
+    /// All candidates of the pair.
+    pub candidates: &'a [Candidate],
+}
+
+impl Scene<'_> {
+    /// Candidates that could match under poses near this one: directions within the coarse angle.
+    pub fn near(&self, target_from_source: &UnitQuaternion<f64>) -> Vec<usize> {
+        let rotation = target_from_source.to_rotation_matrix();
+        let least_cosine = COARSE_ANGLE_RAD.cos();
+        let aligned = |candidate: &Candidate| {
+            (rotation * candidate.source_direction).dot(&candidate.target_direction).abs() >= least_cosine
+        };
+        (0..self.candidates.len()).filter(|&idx| aligned(&self.candidates[idx])).collect()
+    }
+
+    /// One-to-one matches under a pose, best first within a set, in candidate order over the sets.
+    pub fn matches(&self, near: &[usize], target_from_source: &Motion, gate: &Gate) -> Vec<Match> {
+        let pose_covariance = gate.pose_covariance();
+        let mut found: Vec<Match> = near
+            .iter()
+            .filter_map(|&idx| self.explained(idx, target_from_source, (gate, &pose_covariance)))
+            .collect();
+        found.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.candidate.cmp(&b.candidate)));
+        let mut used_lines = BTreeSet::new();
+        let mut used_identities = BTreeSet::new();
+        found.retain(|found| {
+            let candidate = &self.candidates[found.candidate];
+            let Some((target, source)) = self.pair.pair(candidate) else { return false };
+            let (target_key, source_key) =
+                ((candidate.set, false, candidate.target), (candidate.set, true, candidate.source));
+            if used_lines.contains(&target_key) || used_lines.contains(&source_key) {
+                return false;
+            }
+            used_lines.insert(target_key);
+            used_lines.insert(source_key);
+            used_identities.insert((target.identity, source.identity))
+        });
+        found
+    }
+
+    /// Whether and how well a pose explains one candidate.
+    fn explained(
+        &self,
+        idx: usize,
+        target_from_source: &Motion,
+        (gate, pose_covariance): (&Gate, &Matrix6<f64>),
+    ) -> Option<Match> {
+        let candidate = &self.candidates[idx];
+        let (target, source) = self.pair.pair(candidate)?;
+        let MatchResidual { residual, d_residual_d_pose, covariance } =
+            match_residual(target, source, target_from_source)?;
+        let spread: Matrix4<f64> = covariance * (gate.noise_scale * gate.noise_scale)
+            + d_residual_d_pose * pose_covariance * d_residual_d_pose.transpose();
+        let cholesky = spread.cholesky()?;
+        let distance2 = residual.dot(&cholesky.solve(&residual));
+        if distance2 > MAX_DISTANCE2 {
+            return None;
+        }
+        let (targets, _) = self.pair.lines(candidate.set as usize)?;
+        let log_volume = 2.0 * (2.0 * std::f64::consts::PI).ln()
+            + cholesky.l_dirty().diagonal().iter().map(|diagonal| diagonal.ln()).sum::<f64>();
+        let gain = LOG_CHANCE_VOLUME
+            - log_volume
+            - 0.5 * distance2
+            - (targets.len() as f64).ln()
+            - STRUCTURE_PENALTY;
+        (gain > 0.0).then_some(Match { candidate: idx, distance2, gain: gain.min(MAX_GAIN) })
+    }
+}
+
+/// Score of a translation on the lines of one rotation: quick, tolerant, one-to-one within a set.
+pub fn coarse_score(
+    candidates: &[Candidate],
+    lines: &[TranslationLine],
+    translation_m: &Vector3<f64>,
+) -> f64 {
+    // Cells of 5 cm and a rotation off by a degree.
+    const TOLERANCE_M: f64 = 0.035;
+    const TOLERANCE_RAD: f64 = 0.015;
+    let mut best_of_source: Vec<(f64, u32, u16, u16)> = Vec::new();
+    for line in lines {
+        let (distance_m, gap_m) = line.distance_and_gap_m(translation_m);
+        if distance_m > 0.3 {
+            continue;
+        }
+        let sigma_m = line.sigma_m(gap_m).hypot(TOLERANCE_M + TOLERANCE_RAD * gap_m);
+        // Two degrees of freedom, chance uniform over 2 m by 2 m.
+        let gain = (4.0 / (2.0 * std::f64::consts::PI * sigma_m * sigma_m)).ln()
+            - 0.5 * (distance_m / sigma_m).powi(2)
+            - 2.0;
+        if gain <= 0.0 {
+            continue;
+        }
+        let Candidate { set, target, source, .. } = candidates[line.candidate];
+        match best_of_source.last_mut() {
+            Some(last) if (last.1, last.3) == (set, source) => {
+                if gain > last.0 {
+                    *last = (gain, set, target, source);
+                }
+            }
+            _ => best_of_source.push((gain, set, target, source)),
+        }
+    }
+    // Of several sources that prefer one target, the best stays.
+    best_of_source.sort_by(|a, b| (a.1, a.2).cmp(&(b.1, b.2)).then(b.0.total_cmp(&a.0)));
+    best_of_source.dedup_by_key(|found| (found.1, found.2));
+    best_of_source.iter().map(|found| found.0).sum()
+}

@@ -1,0 +1,82 @@
+//! Free space: what one camera saw through, another cannot have seen as solid.
+//!
+//! A pose that carries surfaces of one camera in front of what the other measured in the same direction is impossible, whatever
+//! lines agree with it. Poses without common view say nothing here.
+
+use crate::geometry::motion::Motion;
+use crate::geometry::{Camera, SurfaceSample};
+
+use super::candidates::PairEvidence;
+
+/// A surface counts as in front when its inverse depth exceeds what was seen there by more than this, 1/m: ten times the
+/// noise of one reading.
+const CLEARLY_IN_FRONT_PER_M: f64 = 0.05;
+/// ... and by this share, for sensors whose depth is off by a scale.
+const CLEARLY_IN_FRONT_RATIO: f64 = 0.12;
+/// Samples of the other camera further from the projected point than this say nothing about it, px (half a cell).
+const SAME_DIRECTION_PX: f64 = 10.0;
+
+/// Counts over all frame sets, both ways.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FreeSpace {
+    /// Surface samples that fall beside a sample of the other camera.
+    pub compared: usize,
+    /// Of these, in front of what the other camera saw.
+    pub violated: usize,
+}
+
+impl FreeSpace {
+    /// Share of the compared samples that contradict the pose.
+    pub fn violated_share(&self) -> f64 {
+        if self.compared == 0 { 0.0 } else { self.violated as f64 / self.compared as f64 }
+    }
+}
+
+/// Looks for contradictions between the surfaces of both cameras under a pose.
+pub fn free_space(pair: &PairEvidence<'_>, cameras: &[Camera], target_from_source: &Motion) -> FreeSpace {
+    let mut total = FreeSpace::default();
+    let (Some(target_camera), Some(source_camera)) = (cameras.get(pair.target), cameras.get(pair.source))
+    else {
+        return total;
+    };
+    let source_from_target = target_from_source.inverse();
+    for set in &pair.evidence.sets {
+        let view = |camera: usize| set.get(camera).and_then(Option::as_ref);
+        let (Some(target), Some(source)) = (view(pair.target), view(pair.source)) else { continue };
+        let there =
+            look(&source.surface, (target_from_source, source_camera), (&target.surface, target_camera));
+        let back =
+            look(&target.surface, (&source_from_target, target_camera), (&source.surface, source_camera));
+        total.compared += there.compared + back.compared;
+        total.violated += there.violated + back.violated;
+    }
+    total
+}
+
+/// Carries samples of one camera into another and compares.
+fn look(
+    from: &[SurfaceSample],
+    (to_from_from, from_camera): (&Motion, &Camera),
+    (to, to_camera): (&[SurfaceSample], &Camera),
+) -> FreeSpace {
+    let mut counts = FreeSpace::default();
+    for sample in from {
+        let point_in_to = to_from_from
+            * from_camera.ray_from_pixel(sample.pixel).at_inverse_depth(sample.inverse_depth_per_m);
+        let Some(pixel) = to_camera.project(&point_in_to) else { continue };
+        if !to_camera.contains(pixel, 0.0) {
+            continue;
+        }
+        let near = |other: &&SurfaceSample| {
+            (other.pixel.x - pixel.x).abs() < SAME_DIRECTION_PX
+                && (other.pixel.y - pixel.y).abs() < SAME_DIRECTION_PX
+        };
+        // Of several samples around, the nearest surface: a step of depth beside the point is no contradiction.
+        let seen_per_m = to.iter().filter(near).map(|other| other.inverse_depth_per_m).max_by(f64::total_cmp);
+        let Some(seen_per_m) = seen_per_m else { continue };
+        counts.compared += 1;
+        let limit_per_m = seen_per_m * (1.0 + CLEARLY_IN_FRONT_RATIO) + CLEARLY_IN_FRONT_PER_M;
+        counts.violated += usize::from(1.0 / point_in_to.z > limit_per_m);
+    }
+    counts
+}

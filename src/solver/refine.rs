@@ -1,0 +1,141 @@
+//! Robust Levenberg-Marquardt over the pose of one pair, with the measurement weights of both lines.
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::association::{MAX_DISTANCE2, Scene};
+use super::residual::{MatchResidual, match_residual};
+use crate::geometry::motion::{Motion, updated};
+
+/// Most steps tried; a start within the voting's reach needs 5 to 15.
+const MAX_STEPS: usize = 30;
+/// A step this small ends the iteration: m and rad.
+const SMALL_STEP: f64 = 1e-8;
+/// Width of the Cauchy loss in standard deviations of one match (four numbers: true matches lie near 2).
+const LOSS_WIDTH: f64 = 3.5;
+
+/// Why the iteration ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// The step became negligible: a minimum.
+    SmallStep,
+    /// No damping made the cost smaller: at a minimum to machine precision.
+    NoDescent,
+    /// Steps used up.
+    StepLimit,
+    /// The matches fix no pose.
+    Singular,
+}
+
+/// The refined pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refined {
+    /// The pose.
+    pub target_from_source: Motion,
+    /// Weighted information of a step (x y z rx ry rz), 1/m², 1/rad² and mixed.
+    pub information: Matrix6<f64>,
+    /// Why it ended.
+    pub stop: Stop,
+}
+
+/// Minimises the robust cost over the given matches (indices of candidates).
+pub fn refine(scene: &Scene<'_>, matches: &[usize], start: &Motion, noise_scale: f64) -> Refined {
+    let mut pose = *start;
+    let mut system = NormalEquations::at(scene, matches, &pose, noise_scale);
+    let mut damping = 1e-4;
+    let mut stop = Stop::StepLimit;
+    for _ in 0..MAX_STEPS {
+        let Some(step) = system.step(damping) else {
+            stop = Stop::Singular;
+            break;
+        };
+        let next_pose = updated(&pose, &step);
+        let next = NormalEquations::at(scene, matches, &next_pose, noise_scale);
+        if next.cost <= system.cost {
+            pose = next_pose;
+            system = next;
+            damping = (damping * 0.2).max(1e-12);
+            if step.amax() < SMALL_STEP {
+                stop = Stop::SmallStep;
+                break;
+            }
+        } else if damping > 1e6 {
+            stop = Stop::NoDescent;
+            break;
+        } else {
+            damping *= 8.0;
+        }
+    }
+    Refined { target_from_source: pose, information: system.information, stop }
+}
+
+/// `H step = -g` of the robust cost at one pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NormalEquations {
+    /// Robust cost.
+    pub cost: f64,
+    /// `H`: information of a step (x y z rx ry rz).
+    pub information: Matrix6<f64>,
+    /// `g`.
+    pub gradient: Vector6<f64>,
+}
+
+impl NormalEquations {
+    /// Sums the matches (indices of candidates) at a pose.
+    pub fn at(scene: &Scene<'_>, matches: &[usize], pose: &Motion, noise_scale: f64) -> Self {
+        let mut sum = Self { cost: 0.0, information: Matrix6::zeros(), gradient: Vector6::zeros() };
+        let width2 = LOSS_WIDTH * LOSS_WIDTH;
+        for &idx in matches {
+            let found = scene
+                .pair
+                .pair(&scene.candidates[idx])
+                .and_then(|(target, source)| match_residual(target, source, pose));
+            let whitened = found.and_then(|found| Whitened::new(&found, noise_scale));
+            let Some(whitened) = whitened else {
+                // A line that predicts nothing here must not look better than a bad match.
+                sum.cost += 0.5 * width2 * (1.0 + 10.0 * MAX_DISTANCE2 / width2).ln();
+                continue;
+            };
+            // Cauchy: rho = w²/2 ln(1 + d²/w²), weight 1 / (1 + d²/w²).
+            let ratio = whitened.distance2 / width2;
+            let weight = 1.0 / (1.0 + ratio);
+            sum.cost += 0.5 * width2 * ratio.ln_1p();
+            sum.information += whitened.information * weight;
+            sum.gradient += whitened.gradient * weight;
+        }
+        sum
+    }
+
+    fn step(&self, damping: f64) -> Option<Vector6<f64>> {
+        let mut damped = self.information;
+        for axis in 0..6 {
+            damped[(axis, axis)] += damping * self.information[(axis, axis)] + 1e-9;
+        }
+        Some(-damped.cholesky()?.solve(&self.gradient))
+    }
+}
+
+/// One match's part of the normal equations.
+#[derive(Debug, Clone, Copy)]
+pub struct Whitened {
+    /// Squared Mahalanobis distance.
+    pub distance2: f64,
+    /// `Jᵀ Σ⁻¹ J`.
+    pub information: Matrix6<f64>,
+    /// `Jᵀ Σ⁻¹ r`.
+    pub gradient: Vector6<f64>,
+}
+
+impl Whitened {
+    /// `None` when the covariance is not positive definite (a line without noise model).
+    pub fn new(found: &MatchResidual, noise_scale: f64) -> Option<Self> {
+        let spread = found.covariance * (noise_scale * noise_scale);
+        let cholesky = spread.cholesky()?;
+        let weighted_jacobian = cholesky.solve(&found.d_residual_d_pose);
+        let weighted_residual = cholesky.solve(&found.residual);
+        Some(Self {
+            distance2: found.residual.dot(&weighted_residual),
+            information: found.d_residual_d_pose.transpose() * weighted_jacobian,
+            gradient: found.d_residual_d_pose.transpose() * weighted_residual,
+        })
+    }
+}

@@ -1,0 +1,256 @@
+//! The verdict on a pair: is the best pose to be trusted, and if not, what is missing.
+//!
+//! Never a wrong pose called converged: every test below guards against another way of being wrong, and each failure is a
+//! reason with its numbers and with what to do next.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
+
+use super::association::{Match, Scene};
+use super::consensus::{Hypothesis, Ranking};
+use super::free_space::FreeSpace;
+use super::refine::{Refined, refine};
+use super::result::{Reason, ReasonCode, State};
+
+/// Limits of the verdict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VerdictLimits {
+    /// Least number of independent matches.
+    pub min_matches: usize,
+    /// Least number of distinct rig views that contribute.
+    pub min_views: usize,
+    /// The best score must exceed the runner-up's by this factor.
+    pub min_lead: f64,
+    /// Largest standard deviation of the translation in its worst direction, m.
+    pub max_sigma_translation_m: f64,
+    /// Largest standard deviation of the rotation about its worst axis, rad.
+    pub max_sigma_rotation_rad: f64,
+    /// Largest share of surface samples that may contradict the pose.
+    pub max_free_space_violated: f64,
+}
+
+impl Default for VerdictLimits {
+    fn default() -> Self {
+        Self {
+            min_matches: 12,
+            min_views: 3,
+            min_lead: 1.5,
+            max_sigma_translation_m: 0.004,
+            max_sigma_rotation_rad: 0.0022,
+            max_free_space_violated: 0.15,
+        }
+    }
+}
+
+/// Halves may differ by this many joint standard deviations (squared; 99.9 % for six degrees of freedom is 22.5).
+const MAX_HALVES_DISTANCE2: f64 = 30.0;
+/// More violated samples than this are needed to speak of a contradiction.
+const MIN_COMPARED: usize = 40;
+
+/// What a verdict is based on.
+pub struct Bench<'a> {
+    /// The pair's candidates.
+    pub scene: Scene<'a>,
+    /// The ranked poses.
+    pub ranking: &'a Ranking,
+    /// Contradictions of free space under the best pose.
+    pub free_space: FreeSpace,
+    /// Limits.
+    pub limits: VerdictLimits,
+}
+
+/// Judges the best pose of a ranking: `Converged` without a reason, or another state with one.
+pub fn judge(bench: &Bench<'_>) -> (State, Option<Reason>) {
+    let checks = [evidence, contradiction, lead, observability, halves];
+    match checks.iter().find_map(|check| check(bench)) {
+        Some((state, reason)) => (state, Some(reason)),
+        None => (State::Converged, None),
+    }
+}
+
+type Objection = Option<(State, Reason)>;
+
+fn object(state: State, code: ReasonCode, sentence: String) -> Objection {
+    Some((state, Reason { code, sentence }))
+}
+
+/// Number of frame sets in which matches were found.
+pub fn n_views(scene: &Scene<'_>, matches: &[Match]) -> usize {
+    matches.iter().map(|found| scene.candidates[found.candidate].set).collect::<BTreeSet<_>>().len()
+}
+
+fn evidence(bench: &Bench<'_>) -> Objection {
+    let matches = &bench.ranking.best.matches;
+    let (n, views) = (matches.len(), n_views(&bench.scene, matches));
+    let VerdictLimits { min_matches, min_views, .. } = bench.limits;
+    if n >= min_matches && views >= min_views {
+        return None;
+    }
+    let sentence = format!(
+        "the best pose explains {n} independent lines in {views} rig views, {min_matches} in {min_views} are needed: \
+         move the rig and show more straight edges that run through both cameras"
+    );
+    object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence)
+}
+
+fn contradiction(bench: &Bench<'_>) -> Objection {
+    let share = bench.free_space.violated_share();
+    if bench.free_space.compared < MIN_COMPARED || share <= bench.limits.max_free_space_violated {
+        return None;
+    }
+    let sentence = format!(
+        "with the best pose {:.0} % of {} surface samples would lie in space that the other camera saw through: show other \
+         scenes, and check that depth is registered to colour",
+        100.0 * share,
+        bench.free_space.compared
+    );
+    object(State::Ambiguous, ReasonCode::FreeSpaceViolated, sentence)
+}
+
+fn lead(bench: &Bench<'_>) -> Objection {
+    let best = bench.ranking.best.score;
+    let runner_up = bench.ranking.runner_up.as_ref().map_or(0.0, |other| other.score);
+    if best >= bench.limits.min_lead * runner_up {
+        return None;
+    }
+    let sentence = format!(
+        "the best pose scores {best:.0}, a different one {runner_up:.0}; a lead of {:.1} times is needed: show edges in \
+         other directions and places, and turn the rig between views",
+        bench.limits.min_lead
+    );
+    object(State::Ambiguous, ReasonCode::RunnerUpTooClose, sentence)
+}
+
+fn observability(bench: &Bench<'_>) -> Objection {
+    let Some(covariance) = covariance(&bench.ranking.best.refined) else {
+        let sentence =
+            "the matched lines fix no pose: all are parallel or meet in one point; show edges in at least \
+                        two directions"
+                .to_owned();
+        return object(State::Degenerate, ReasonCode::AxisUnobservable, sentence);
+    };
+    let (sigma_m, axis) = worst_axis(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
+    let (sigma_rad, turn_axis) = worst_axis(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
+    let VerdictLimits { max_sigma_translation_m, max_sigma_rotation_rad, .. } = bench.limits;
+    let (translation_ok, rotation_ok) =
+        (sigma_m <= max_sigma_translation_m, sigma_rad <= max_sigma_rotation_rad);
+    let n = bench.ranking.best.matches.len();
+    let (what, sigma, limit) = match (translation_ok, rotation_ok) {
+        (true, true) => return None,
+        (false, _) => (
+            format!("translation along the target's {}", in_words(&axis)),
+            format!("{:.1} mm", 1e3 * sigma_m),
+            format!("{:.1} mm", 1e3 * max_sigma_translation_m),
+        ),
+        (true, false) => (
+            format!("rotation about the target's {}", in_words(&turn_axis)),
+            format!("{:.2} deg", sigma_rad.to_degrees()),
+            format!("{:.2} deg", max_sigma_rotation_rad.to_degrees()),
+        ),
+    };
+    let sentence = format!(
+        "{n} lines leave the {what} uncertain by {sigma} (one sigma; limit {limit}): show edges that are not parallel to \
+         those seen so far, near the cameras"
+    );
+    // An uncertainty far above the limit means that the lines do not fix the axis at all; near it, more of the same helps.
+    let state = if sigma_m > 10.0 * max_sigma_translation_m || sigma_rad > 10.0 * max_sigma_rotation_rad {
+        State::Degenerate
+    } else {
+        State::Collecting
+    };
+    object(state, ReasonCode::AxisUnobservable, sentence)
+}
+
+fn halves(bench: &Bench<'_>) -> Objection {
+    let best = &bench.ranking.best;
+    let [first, second] = split(&bench.scene, &best.matches)
+        .map(|half| refine(&bench.scene, &half, &best.refined.target_from_source, best.noise_scale));
+    let gap = gap(&first, &second);
+    let spread = covariance(&first).zip(covariance(&second)).map(|(a, b)| a + b);
+    let Some(cholesky) = spread.and_then(Matrix6::cholesky) else {
+        let sentence =
+            "half of the matched lines alone fix no pose: move the rig and show more edges".to_owned();
+        return object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence);
+    };
+    let distance2 = gap.dot(&cholesky.solve(&gap));
+    if distance2 <= MAX_HALVES_DISTANCE2 {
+        return None;
+    }
+    let sentence = format!(
+        "two independent halves of the lines differ by {:.2} deg and {:.1} mm, more than their noise explains: check that \
+         the cameras are fixed to each other, that their clocks agree and that the intrinsics are right",
+        gap.fixed_rows::<3>(3).norm().to_degrees(),
+        1e3 * gap.fixed_rows::<3>(0).norm()
+    );
+    object(State::Failed, ReasonCode::HalvesDisagree, sentence)
+}
+
+/// Matches of every other contributing frame set; with a single set, every other match.
+fn split(scene: &Scene<'_>, matches: &[Match]) -> [Vec<usize>; 2] {
+    let sets: Vec<u32> = {
+        let sorted: BTreeSet<u32> =
+            matches.iter().map(|found| scene.candidates[found.candidate].set).collect();
+        sorted.into_iter().collect()
+    };
+    let mut halves = [Vec::new(), Vec::new()];
+    for (rank, found) in matches.iter().enumerate() {
+        let set = scene.candidates[found.candidate].set;
+        let turn = if sets.len() > 1 { sets.binary_search(&set).unwrap_or(0) } else { rank };
+        halves[turn % 2].push(found.candidate);
+    }
+    halves
+}
+
+/// Step from one pose to another, ordered x y z rx ry rz.
+fn gap(first: &Refined, second: &Refined) -> Vector6<f64> {
+    let (a, b) = (&first.target_from_source, &second.target_from_source);
+    let translation = b.translation.vector - a.translation.vector;
+    let rotation = (b.rotation * a.rotation.inverse()).scaled_axis();
+    Vector6::new(translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z)
+}
+
+/// Covariance of the pose; `None` when the matches do not fix it.
+pub fn covariance(refined: &Refined) -> Option<Matrix6<f64>> {
+    let covariance = refined.information.cholesky()?.inverse();
+    covariance.iter().all(|value| value.is_finite()).then_some(covariance)
+}
+
+/// Standard deviation along the worst direction, and that direction.
+fn worst_axis(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
+    let eigen = SymmetricEigen::new(*covariance);
+    let worst = eigen.eigenvalues.imax();
+    (eigen.eigenvalues[worst].max(0.0).sqrt(), eigen.eigenvectors.column(worst).into_owned())
+}
+
+/// An axis of an optical frame for people.
+fn in_words(axis: &Vector3<f64>) -> String {
+    let name = ["x (right)", "y (down)", "z (forward)"][axis.iamax()];
+    if axis.amax() > 0.9 {
+        name.to_owned()
+    } else {
+        format!("direction [{:.2}, {:.2}, {:.2}], mostly {name}", axis.x, axis.y, axis.z)
+    }
+}
+
+/// Root mean square distance of the target's segment ends from the predicted lines (z = 1), and of the lines there, m.
+pub fn residuals(scene: &Scene<'_>, best: &Hypothesis) -> (f64, f64) {
+    let (mut offsets2, mut distances2, mut n) = (0.0, 0.0, 0.0);
+    for found in &best.matches {
+        let Some((target, source)) = scene.pair.pair(&scene.candidates[found.candidate]) else { continue };
+        let Some(compared) =
+            super::residual::match_residual(target, source, &best.refined.target_from_source)
+        else {
+            continue;
+        };
+        for (i, end_m) in target.ends_m.iter().enumerate() {
+            // Offsets on z = 1 grow with depth; an error dq of the inverse depth moves the point by z² dq.
+            let across_m = compared.residual[i] * end_m.z;
+            let along_m = compared.residual[2 + i] * end_m.z * end_m.z;
+            offsets2 += compared.residual[i] * compared.residual[i];
+            distances2 += across_m * across_m + along_m * along_m;
+            n += 1.0;
+        }
+    }
+    if n == 0.0 { (0.0, 0.0) } else { ((offsets2 / n).sqrt(), (distances2 / n).sqrt()) }
+}
