@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 
 use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
 
+pub(super) use images::{COLOR_FOLDER, DEPTH_FOLDER, size_px};
+pub(super) use sections::check_cameras;
 pub use truth::GroundTruth;
 
 /// Value of the key `format` of the recordings that this version reads and writes.
