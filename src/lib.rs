@@ -10,5 +10,6 @@ pub mod geometry;
 pub mod image;
 pub mod ipc;
 pub mod lines;
+pub mod pipeline;
 pub mod service;
 pub mod solver;
