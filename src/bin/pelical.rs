@@ -1,2 +1,12 @@
 //! The client: see `pelical --help`.
-fn main() {}
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use pelical::cli;
+use pelical::cli::args::ClientArgs;
+
+fn main() -> ExitCode {
+    let args = ClientArgs::parse();
+    cli::run(&args.command).into()
+}

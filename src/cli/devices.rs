@@ -6,7 +6,7 @@ use super::args::DevicesArgs;
 use super::error::CliError;
 use super::output;
 use crate::capture::CameraInfo;
-use crate::service::config::{self, Config, ConfigFile};
+use crate::service::config;
 
 #[derive(Serialize)]
 struct DevicesDocument {
@@ -29,10 +29,7 @@ struct DeviceEntry {
 /// # Errors
 /// When the config or the back end is not usable.
 pub fn run(args: &DevicesArgs) -> Result<(), CliError> {
-    let config = match &args.config {
-        Some(file) => config::load(file)?.1,
-        None => Config::defaults(),
-    };
+    let config = config::load_or_default(args.config.as_deref())?;
     let factory = config.cameras.factory()?;
     let devices: Vec<DeviceEntry> = factory.list()?.iter().map(DeviceEntry::from).collect();
     if args.output.json {

@@ -2,6 +2,7 @@
 
 use super::exit::Exit;
 use crate::capture::CaptureError;
+use crate::ipc::ClientError;
 use crate::service::config::ConfigError;
 
 /// Every way a command can fail.
@@ -21,6 +22,12 @@ pub enum CliError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// The daemon is not there, or does not answer.
+    #[error(transparent)]
+    Client(#[from] ClientError),
+    /// The input is not what it should be, told in a sentence.
+    #[error("{0}")]
+    BadInput(String),
     /// Anything else, told in a sentence.
     #[error("{0}")]
     Failed(String),
@@ -31,8 +38,13 @@ impl CliError {
     pub fn exit(&self) -> Exit {
         match self {
             CliError::Config(_) => Exit::BadConfig,
-            CliError::Capture(CaptureError::BadData { .. }) => Exit::BadData,
-            CliError::Capture(_) | CliError::System { .. } | CliError::Failed(_) => Exit::Failed,
+            CliError::Capture(CaptureError::BadData { .. }) | CliError::BadInput(_) => Exit::BadData,
+            CliError::Client(ClientError::NotRunning { .. } | ClientError::NoAnswer { .. }) => {
+                Exit::NotReachable
+            }
+            CliError::Client(_) | CliError::Capture(_) | CliError::System { .. } | CliError::Failed(_) => {
+                Exit::Failed
+            }
         }
     }
 

@@ -1,9 +1,32 @@
 //! From the checked section `cameras` to a back end and the cameras of the rig.
 
-use super::check::{BackendConfig, CamerasConfig};
+use super::check::{BackendConfig, CameraChoice, CamerasConfig};
 use crate::capture::recording::Recording;
 use crate::capture::replay::ReplayFactory;
 use crate::capture::{CameraInfo, CaptureError, DeviceFactory};
+use crate::geometry::motion::Motion;
+
+/// Why the cameras of the config cannot form a rig with this back end.
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    /// The back end cannot be reached.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// The back end has no camera at all.
+    #[error("the back end `{backend}` has no camera: plug one in, or name the expected ones in cameras.list")]
+    NoCamera {
+        /// Name of the back end.
+        backend: &'static str,
+    },
+    /// The reference is not a camera of the rig.
+    #[error("cameras.reference: \"{reference}\" is not a camera of the rig; allowed are {names}")]
+    Reference {
+        /// Asked for.
+        reference: String,
+        /// The names that are there, joined.
+        names: String,
+    },
+}
 
 impl CamerasConfig {
     /// The back end that was chosen.
@@ -15,30 +38,38 @@ impl CamerasConfig {
             BackendConfig::Replay(recording, options) => {
                 Ok(Box::new(ReplayFactory::new(Recording::open(recording)?, *options)?))
             }
-            BackendConfig::Synthetic(_) => todo!(),
+            BackendConfig::Synthetic(_) => Err(CaptureError::bad_data(std::path::Path::new("synthetic"), "stand-in")),
         }
     }
 
-    /// The cameras of the rig among those of the back end, under the names of the config, the reference first.
+    /// The cameras of the rig, the reference first. Listed cameras need not be there yet.
     ///
     /// # Errors
-    /// When a camera or the reference is not there.
-    pub fn choose(&self, available: &[CameraInfo]) -> Result<Vec<CameraInfo>, CaptureError> {
-        let mut rig: Vec<CameraInfo> = if self.list.is_empty() {
-            available.to_vec()
-        } else {
-            let find = |choice: &super::CameraChoice| {
-                let found = available.iter().find(|info| info.serial == choice.serial);
-                let found = found.ok_or_else(|| CaptureError::not_found(&choice.serial, available))?;
-                Ok(CameraInfo { name: choice.name.clone(), ..found.clone() })
-            };
-            self.list.iter().map(find).collect::<Result<_, CaptureError>>()?
-        };
+    /// When there is none, or the reference is not among them.
+    pub fn rig(&self, factory: &dyn DeviceFactory) -> Result<Vec<CameraChoice>, RigError> {
+        let mut rig = self.list.clone();
+        if rig.is_empty() {
+            let choice = |info: CameraInfo| CameraChoice { name: info.name, serial: info.serial };
+            rig = factory.list()?.into_iter().map(choice).collect();
+        }
+        if rig.is_empty() {
+            return Err(RigError::NoCamera { backend: factory.name() });
+        }
         if let Some(reference) = &self.reference {
-            let position = rig.iter().position(|info| info.name == *reference);
-            let position = position.ok_or_else(|| CaptureError::not_found(reference, available))?;
+            let position = rig.iter().position(|camera| camera.name == *reference).ok_or_else(|| {
+                let names: Vec<&str> = rig.iter().map(|camera| camera.name.as_str()).collect();
+                RigError::Reference { reference: reference.clone(), names: names.join(", ") }
+            })?;
             rig[..=position].rotate_right(1);
         }
         Ok(rig)
+    }
+
+    /// Where the cameras of a rig truly are, in the frame of the rig's first; `None` where the back end cannot know.
+    ///
+    /// # Errors
+    /// When the back end cannot be reached.
+    pub fn truth(&self, _rig: &[CameraChoice]) -> Result<Option<Vec<Motion>>, CaptureError> {
+        Ok(None)
     }
 }

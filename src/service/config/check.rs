@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::error::Refusal;
-use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection, SyntheticSection};
+use super::sections::{
+    Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection, SyntheticSection,
+};
 use crate::capture::replay::{self, ReplayOptions};
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
 use crate::pipeline::PipelineOptions;

@@ -53,8 +53,9 @@ fn detect_options(file: &LinesSection) -> Result<DetectOptions, Refusal> {
 }
 
 fn lift_options(file: &LinesSection) -> Result<LiftOptions, Refusal> {
-    let LinesSection { sigma_inverse_depth_per_m, relative_systematic, min_inlier_ratio, min_coverage, .. } =
-        *file;
+    let LinesSection {
+        sigma_inverse_depth_per_m, relative_systematic, min_inlier_ratio, min_coverage, ..
+    } = *file;
     within("lines.sigma_inverse_depth_per_m", sigma_inverse_depth_per_m, (1e-5, 1.0))?;
     within("lines.relative_systematic", relative_systematic, (0.0, 0.5))?;
     within("lines.min_inlier_ratio", min_inlier_ratio, (0.1, 1.0))?;

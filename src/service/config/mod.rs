@@ -13,6 +13,7 @@ mod tests;
 
 use std::path::Path;
 
+pub use backend::RigError;
 pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
 pub use sections::*;
@@ -25,9 +26,34 @@ pub use serial::{Serial, UNQUOTED_SERIAL};
 pub fn load(file: &Path) -> Result<(ConfigFile, Config), ConfigError> {
     let text = std::fs::read_to_string(file)
         .map_err(|source| ConfigError::Read { file: file.to_owned(), source })?;
-    let sections = parse(file, &text)?;
-    let config = Config::try_from(&sections).map_err(|refusal| located(file, &text, refusal))?;
+    let (sections, config) = checked(file, &text)?;
     Ok((sections, config.relative_to(file.parent().unwrap_or(Path::new("")))))
+}
+
+/// The checked options of a config file, or the defaults without one.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_or_default(file: Option<&Path>) -> Result<Config, ConfigError> {
+    match file {
+        Some(file) => load(file).map(|(_, config)| config),
+        None => checked(Path::new("defaults"), "{}").map(|(_, config)| config),
+    }
+}
+
+/// The config of `pelical demo`, which is the file `config/demo.yaml`.
+///
+/// # Errors
+/// Never, unless that file was broken before this program was built; a test sees to it.
+pub fn demo() -> Result<Config, ConfigError> {
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/config/demo.yaml"));
+    checked(Path::new("demo.yaml"), text).map(|(_, config)| config)
+}
+
+fn checked(file: &Path, text: &str) -> Result<(ConfigFile, Config), ConfigError> {
+    let sections = parse(file, text)?;
+    let config = Config::try_from(&sections).map_err(|refusal| located(file, text, refusal))?;
+    Ok((sections, config))
 }
 
 /// The text of a config file as sections, with defaults for what it does not say.
