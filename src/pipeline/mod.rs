@@ -28,7 +28,6 @@ mod options;
 mod publish;
 mod shared;
 mod stage;
-mod standin;
 pub mod stats;
 mod sync;
 
