@@ -3,7 +3,7 @@
 use super::exit::Exit;
 use crate::capture::CaptureError;
 use crate::ipc::ClientError;
-use crate::service::config::ConfigError;
+use crate::service::config::{ConfigError, RigError};
 
 /// Every way a command can fail.
 #[derive(Debug, thiserror::Error)]
@@ -14,6 +14,9 @@ pub enum CliError {
     /// A camera or recording is not usable.
     #[error(transparent)]
     Capture(#[from] CaptureError),
+    /// The config asks for cameras that are not there.
+    #[error(transparent)]
+    Rig(#[from] RigError),
     /// stdout or a file cannot be written, or a process not started.
     #[error("{what}: {source}")]
     System {
@@ -37,14 +40,14 @@ impl CliError {
     /// The exit code for scripts.
     pub fn exit(&self) -> Exit {
         match self {
+            CliError::Rig(error) => Exit::from(error),
+            CliError::Capture(error) => Exit::from(error),
             CliError::Config(_) => Exit::BadConfig,
-            CliError::Capture(CaptureError::BadData { .. }) | CliError::BadInput(_) => Exit::BadData,
+            CliError::BadInput(_) => Exit::BadData,
             CliError::Client(ClientError::NotRunning { .. } | ClientError::NoAnswer { .. }) => {
                 Exit::NotReachable
             }
-            CliError::Client(_) | CliError::Capture(_) | CliError::System { .. } | CliError::Failed(_) => {
-                Exit::Failed
-            }
+            CliError::Client(_) | CliError::System { .. } | CliError::Failed(_) => Exit::Failed,
         }
     }
 

@@ -2,6 +2,10 @@
 
 use std::process::ExitCode;
 
+use crate::capture::CaptureError;
+use crate::service::ServiceError;
+use crate::service::config::RigError;
+
 /// How a program ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -25,5 +29,37 @@ pub enum Exit {
 impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
         ExitCode::from(exit as u8)
+    }
+}
+
+impl From<&CaptureError> for Exit {
+    fn from(error: &CaptureError) -> Self {
+        match error {
+            CaptureError::BadData { .. } => Exit::BadData,
+            _ => Exit::Failed,
+        }
+    }
+}
+
+impl From<&RigError> for Exit {
+    fn from(error: &RigError) -> Self {
+        match error {
+            RigError::Capture(error) => Exit::from(error),
+            RigError::NoCamera { .. } => Exit::Failed,
+            RigError::Reference { .. } => Exit::BadConfig,
+        }
+    }
+}
+
+impl From<&ServiceError> for Exit {
+    fn from(error: &ServiceError) -> Self {
+        match error {
+            ServiceError::Config(_) => Exit::BadConfig,
+            ServiceError::Rig(error) => Exit::from(error),
+            ServiceError::Server(_)
+            | ServiceError::Start(_)
+            | ServiceError::System { .. }
+            | ServiceError::Bug { .. } => Exit::Failed,
+        }
     }
 }

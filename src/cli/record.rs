@@ -10,7 +10,7 @@ use super::interrupt::Interrupt;
 use super::{output, progress};
 use crate::capture::writer::RecordingWriter;
 use crate::capture::{CameraInfo, CaptureError, FrameSource, RgbdFrame};
-use crate::service::config;
+use crate::service::config::{self, CameraChoice};
 
 /// How long one wait for a frame may take before signals are looked at again.
 const POLL: Duration = Duration::from_millis(100);
@@ -31,16 +31,21 @@ struct RecordDocument {
 pub fn run(args: &RecordArgs) -> Result<(), CliError> {
     let (_, config) = config::load(&args.config)?;
     let factory = config.cameras.factory()?;
-    let rig = config.cameras.choose(&factory.list()?)?;
-    let opened = rig.iter().map(|info| factory.open(&info.serial)).collect::<Result<Vec<_>, _>>()?;
+    let chosen = config.cameras.rig(factory.as_ref())?;
+    let sources = chosen.iter().map(|camera| factory.open(&camera.serial)).collect::<Result<Vec<_>, _>>()?;
+    let info = |(source, camera): (&Box<dyn FrameSource>, &CameraChoice)| CameraInfo {
+        name: camera.name.clone(),
+        ..source.info().clone()
+    };
+    let rig: Vec<CameraInfo> = sources.iter().zip(&chosen).map(info).collect();
     let source = format!("pelical record, back end {}", factory.name());
     // Exit code 65 is for input; this folder is output.
     let mut writer = RecordingWriter::create(&args.folder, &rig, "", &source)
         .map_err(|error| CliError::Failed(error.to_string()))?;
-    if let Some(reference_from_camera) = config.cameras.truth(&rig)? {
+    if let Some(reference_from_camera) = config.cameras.truth(&chosen)? {
         writer.write_ground_truth(&reference_from_camera)?;
     }
-    let mut recorder = Recorder::new(opened, &rig, config.pipeline.sync.max_skew);
+    let mut recorder = Recorder::new(sources, &rig, config.pipeline.sync.max_skew);
     let written = recorder.write_all(&mut writer, args);
     // Whatever ended it, what was written shall be readable.
     writer.finish()?;

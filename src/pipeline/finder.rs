@@ -4,12 +4,11 @@ use std::time::{Duration, Instant};
 
 use crate::capture::RgbdFrame;
 use crate::geometry::{Camera, Segment};
-use crate::image::GrayView;
-use crate::lines::{DetectOptions, Detector, LiftOptions, Lifter};
+use crate::image::{GrayView, gray_from_rgb};
+use crate::lines::{DetectOptions, Detector, LiftOptions, Lifter, sample_surface};
 
 use super::buffers::FoundLines;
 use super::motion::Thumbnail;
-use super::standin::{gray_from_rgb, surface_samples};
 
 /// Finds the lines of a frame; another one can be put into the pipeline, in tests for example.
 pub trait LineFinder: Send {
@@ -68,7 +67,7 @@ impl LineFinder for SegmentLineFinder {
         let detected = Instant::now();
         let _span = tracing::trace_span!("lift").entered();
         self.lifter.lift(&self.segments, &depth, camera, &mut found.view.lines);
-        surface_samples(&depth, &mut found.view.surface);
+        sample_surface(&depth, camera, &mut found.view.surface);
         FindTimes { detect: detected - start, lift: detected.elapsed() }
     }
 }

@@ -28,7 +28,6 @@ mod options;
 mod publish;
 mod shared;
 mod stage;
-mod standin;
 pub mod stats;
 mod sync;
 
@@ -115,6 +114,8 @@ pub struct CameraSnapshot {
     pub frames: u64,
     /// Of these, dropped because sync did not fetch them in time.
     pub dropped: u64,
+    /// Since the last frame; `None` before the first.
+    pub last_frame_age: Option<Duration>,
 }
 
 /// The pipeline at one moment.
@@ -209,6 +210,8 @@ impl Pipeline {
             state: camera.state(),
             frames: camera.frames.get(),
             dropped: camera.dropped.get(),
+            last_frame_age: (camera.frames.get() > 0)
+                .then(|| self.shared.since_start().saturating_sub(camera.last_frame())),
         });
         Snapshot {
             cameras: cameras.collect(),

@@ -3,16 +3,17 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
+use crossbeam_channel::{Receiver, bounded};
 
-use super::config::{CameraChoice, Config};
+use super::config::{CameraChoice, Config, RigError};
 use super::error::ServiceError;
 use super::state::{self, Life};
 use super::stop::Stop;
 use super::telling::{HealthTeller, ProgressTeller, wall_clock_ns};
 use crate::capture::DeviceFactory;
 use crate::ipc::{CalibrationMessage, CameraIdentity, Request, RequestKind, Response, Server, ServerError, Snapshot};
-use crate::pipeline::{CameraSlot, Command, Pipeline, PipelineEvent, PipelineOptions, Solved};
+use crate::pipeline::{self, Answer, CameraSlot, CameraState, Command, Counts, Pipeline, PipelineEvent, PipelineOptions, Solved};
+use crate::solver::State;
 
 /// Longest time a client's request or a signal waits for the daemon's attention; events of the pipeline wake it at once.
 const POLL: Duration = Duration::from_millis(5);
@@ -30,18 +31,31 @@ pub enum StopCause {
     Requested,
 }
 
-/// Everything but the server, which answers while this is borrowed.
-pub struct Daemon {
-    rig: Rig,
-    pipeline: Pipeline,
-    events: Receiver<PipelineEvent>,
-    restarts: u32,
+/// What is remembered while pipelines come and go.
+struct Daemon {
+    identities: Vec<CameraIdentity>,
     life: Life,
     calibration_sequence: u64,
     progress: ProgressTeller,
     health: HealthTeller,
     /// Messages that could not be published since health was told last, and why the last one could not.
     unpublished: (u32, Option<ServerError>),
+}
+
+/// Both sides that are listened to.
+struct Live<'a> {
+    pipeline: Pipeline,
+    events: Receiver<PipelineEvent>,
+    server: &'a Server,
+}
+
+/// Why a pipeline is no longer listened to.
+enum End {
+    Requested,
+    /// A thread of it panicked.
+    Bug {
+        thread: String,
+    },
 }
 
 /// What the pipeline is started with, and started again after a bug.
@@ -53,7 +67,7 @@ struct Rig {
 
 impl Rig {
     fn new(config: &Config) -> Result<Self, ServiceError> {
-        let factory: Arc<dyn DeviceFactory> = Arc::from(config.cameras.factory().map_err(super::config::RigError::from)?);
+        let factory: Arc<dyn DeviceFactory> = Arc::from(config.cameras.factory().map_err(RigError::from)?);
         let cameras = config.cameras.rig(factory.as_ref())?;
         let slot = |camera: &CameraChoice| CameraSlot {
             factory: Arc::clone(&factory),
@@ -69,9 +83,9 @@ impl Rig {
         })
     }
 
-    fn start(&self) -> Result<(Pipeline, Receiver<PipelineEvent>), ServiceError> {
+    fn start<'a>(&self, server: &'a Server) -> Result<Live<'a>, ServiceError> {
         let (sender, events) = bounded(EVENT_QUEUE);
-        Ok((Pipeline::start(self.slots.clone(), &self.options, sender)?, events))
+        Ok(Live { pipeline: Pipeline::start(self.slots.clone(), &self.options, sender)?, events, server })
     }
 }
 
@@ -85,74 +99,102 @@ pub fn run(config: &Config, stop: &Stop) -> Result<StopCause, ServiceError> {
     let rig = Rig::new(config)?;
     let names: Vec<&str> = rig.identities.iter().map(|camera| camera.name.as_str()).collect();
     tracing::info!(instance = %config.instance, cameras = names.join(", "), "started");
-    let (pipeline, events) = rig.start()?;
-    let mut daemon = Daemon {
-        rig,
-        pipeline,
-        events,
-        restarts: 0,
-        life: Life::new(),
-        calibration_sequence: 0,
-        progress: ProgressTeller::default(),
-        health: HealthTeller::new(Instant::now()),
-        unpublished: (0, None),
-    };
-    while !stop.is_set() {
-        daemon.turn(&server)?;
+    let mut daemon = Daemon::new(rig.identities.clone());
+    for restarts in 0.. {
+        let live = rig.start(&server)?;
+        let end = daemon.serve(&live, stop);
+        daemon.say_goodbye(&live, &end);
+        let report = live.pipeline.stop();
+        match end {
+            End::Requested => {
+                tracing::info!(hanging = report.abandoned.len(), "stopped");
+                break;
+            }
+            End::Bug { thread } if restarts == MAX_RESTARTS => {
+                return Err(ServiceError::Bug { thread, restarts });
+            }
+            End::Bug { thread } => {
+                tracing::error!(thread, restarts, "a thread panicked, which is a bug: starting the pipeline again");
+            }
+        }
     }
-    daemon.end(&server);
     Ok(StopCause::Requested)
 }
 
 impl Daemon {
-    /// Handles what has happened, waiting a little for it.
-    fn turn(&mut self, server: &Server) -> Result<(), ServiceError> {
-        match self.events.recv_timeout(POLL) {
-            Ok(event) => {
-                self.handle(event, server)?;
-                while let Ok(event) = self.events.try_recv() {
-                    self.handle(event, server)?;
-                }
-            }
-            Err(RecvTimeoutError::Timeout) => {}
-            // All threads of the pipeline are gone without a word.
-            Err(RecvTimeoutError::Disconnected) => self.restart("all")?,
+    fn new(identities: Vec<CameraIdentity>) -> Self {
+        Self {
+            identities,
+            life: Life::new(),
+            calibration_sequence: 0,
+            progress: ProgressTeller::default(),
+            health: HealthTeller::new(Instant::now()),
+            unpublished: (0, None),
         }
-        let polled = server.poll(Duration::ZERO, |request| self.answer(request));
-        self.note(polled.map(drop));
-        if self.health.is_due(HEALTH_INTERVAL) {
-            self.tell_health(server);
-        }
-        Ok(())
     }
 
-    fn handle(&mut self, event: PipelineEvent, server: &Server) -> Result<(), ServiceError> {
+    /// Listens to both sides until there is a reason to end.
+    fn serve(&mut self, live: &Live<'_>, stop: &Stop) -> End {
+        while !stop.is_set() {
+            // Waiting for the first, then taking what else has come meanwhile.
+            let first = live.events.recv_timeout(POLL).ok();
+            for event in first.into_iter().chain(live.events.try_iter()) {
+                match event {
+                    PipelineEvent::Bug { thread } => return End::Bug { thread },
+                    event => self.handle(event, live),
+                }
+            }
+            self.answer_clients(live);
+            if self.health.is_due(HEALTH_INTERVAL) {
+                self.tell_health(live);
+            }
+        }
+        End::Requested
+    }
+
+    /// Whoever asks in the last moment gets an answer.
+    fn say_goodbye(&mut self, live: &Live<'_>, end: &End) {
+        match end {
+            End::Requested => self.life.on_stop(),
+            End::Bug { .. } => {
+                self.life.on_restart();
+                self.progress.restart(Counts::default());
+            }
+        }
+        self.answer_clients(live);
+    }
+
+    fn answer_clients(&mut self, live: &Live<'_>) {
+        let polled = live.server.poll(Duration::ZERO, |request| self.answer(request, &live.pipeline));
+        self.note(polled.map(drop));
+    }
+
+    fn handle(&mut self, event: PipelineEvent, live: &Live<'_>) {
         match event {
             PipelineEvent::Progress(progress) => {
                 self.life.on_frames();
-                let message = self.progress.message(&progress, self.rig.slots.len(), self.life.state());
-                self.note(server.publish_progress(&message));
+                let message = self.progress.message(&progress, self.identities.len(), self.life.state());
+                self.note(live.server.publish_progress(&message));
             }
-            PipelineEvent::Calibration(solved) => self.publish(*solved, server),
+            PipelineEvent::Calibration(solved) => self.publish(*solved, live),
             PipelineEvent::Camera { camera, state, detail } => {
-                let name = self.rig.identities.get(camera).map_or("?", |camera| camera.name.as_str());
+                let name = self.identities.get(camera).map_or("?", |camera| camera.name.as_str());
                 match state {
-                    crate::pipeline::CameraState::Streaming => tracing::info!(camera = name, "camera streams"),
+                    CameraState::Streaming => tracing::info!(camera = name, "camera streams"),
                     other => tracing::warn!(camera = name, state = other.name(), detail, "camera is away"),
                 }
             }
-            PipelineEvent::Bug { thread } => self.restart(&thread)?,
+            PipelineEvent::Bug { .. } => {}
         }
-        Ok(())
     }
 
-    fn publish(&mut self, solved: Solved, server: &Server) {
+    fn publish(&mut self, solved: Solved, live: &Live<'_>) {
         self.life.on_solved(&solved);
         self.progress.note(&solved.calibration);
         self.calibration_sequence += 1;
         let (state, ms) = (solved.calibration.state.name(), solved.took.as_millis());
         let sentence = solved.calibration.reason.as_ref().map_or("", |reason| reason.sentence.as_str());
-        if self.life.state() == crate::solver::State::Converged {
+        if self.life.state() == State::Converged {
             tracing::info!(state, ms, frame_sets = solved.calibration.frame_sets_used, "calibrated");
         } else {
             tracing::debug!(state, ms, sentence, "not yet");
@@ -160,17 +202,17 @@ impl Daemon {
         let message = CalibrationMessage {
             sequence: self.calibration_sequence,
             stamp_ns: wall_clock_ns(),
-            cameras: self.rig.identities.clone(),
+            cameras: self.identities.clone(),
             calibration: solved.calibration,
         };
-        self.note(server.publish_calibration(&message));
+        self.note(live.server.publish_calibration(&message));
     }
 
-    fn answer(&mut self, request: Request) -> Response {
-        let before = self.pipeline.snapshot();
+    fn answer(&mut self, request: Request, pipeline: &Pipeline) -> Response {
+        let before = pipeline.snapshot();
         let outcome = self.life.answer(request.kind, &before, |command| {
-            let answer = self.pipeline.command(command);
-            if (command, answer) == (Command::Recalibrate, crate::pipeline::Answer::Accepted) {
+            let answer = pipeline.command(command);
+            if (command, answer) == (Command::Recalibrate, Answer::Accepted) {
                 self.progress.restart(before.counts);
             }
             answer
@@ -178,11 +220,10 @@ impl Daemon {
         if request.kind != RequestKind::Status {
             tracing::info!(request = ?request.kind, ?outcome, "asked");
         }
-        Response { outcome, snapshot: self.snapshot() }
+        Response { outcome, snapshot: self.snapshot(&pipeline.snapshot()) }
     }
 
-    fn snapshot(&self) -> Snapshot {
-        let pipeline = self.pipeline.snapshot();
+    fn snapshot(&self, pipeline: &pipeline::Snapshot) -> Snapshot {
         Snapshot {
             activity: self.life.activity(pipeline.phase),
             state: self.life.state(),
@@ -191,13 +232,13 @@ impl Daemon {
             uptime_ns: self.health.uptime_ns(),
             frame_sets_used: self.progress.frame_sets(&pipeline.counts).used,
             cameras: pipeline.cameras.len() as u32,
-            cameras_streaming: state::streaming(&pipeline) as u32,
+            cameras_streaming: state::streaming(pipeline) as u32,
         }
     }
 
-    fn tell_health(&mut self, server: &Server) {
-        let message = self.health.message(&self.pipeline.snapshot());
-        self.note(server.publish_health(&message));
+    fn tell_health(&mut self, live: &Live<'_>) {
+        let message = self.health.message(&live.pipeline.snapshot());
+        self.note(live.server.publish_health(&message));
         if let (count, Some(error)) = std::mem::take(&mut self.unpublished) {
             tracing::warn!(count, %error, "messages could not be published");
         }
@@ -208,29 +249,5 @@ impl Daemon {
         if let Err(error) = published {
             self.unpublished = (self.unpublished.0 + 1, Some(error));
         }
-    }
-
-    /// Starts the pipeline again after a panic in one of its threads; the evidence is lost, the last result is not.
-    fn restart(&mut self, thread: &str) -> Result<(), ServiceError> {
-        if self.restarts == MAX_RESTARTS {
-            return Err(ServiceError::Bug { thread: thread.to_owned(), restarts: self.restarts });
-        }
-        self.restarts += 1;
-        tracing::error!(thread, restarts = self.restarts, "a thread panicked: this is a bug; starting the pipeline again");
-        let (pipeline, events) = self.rig.start()?;
-        std::mem::replace(&mut self.pipeline, pipeline).stop();
-        self.events = events;
-        self.life.on_restart();
-        self.progress.restart(crate::pipeline::Counts::default());
-        Ok(())
-    }
-
-    /// Answers what was asked meanwhile, then stops the threads.
-    fn end(mut self, server: &Server) {
-        self.life.on_stop();
-        let polled = server.poll(Duration::ZERO, |request| self.answer(request));
-        self.note(polled.map(drop));
-        let report = self.pipeline.stop();
-        tracing::info!(abandoned = report.abandoned.len(), "stopped");
     }
 }

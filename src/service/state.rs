@@ -112,7 +112,7 @@ mod tests {
     use crate::pipeline::{CameraSnapshot, Counts, LatencySummaries};
 
     fn with_cameras(states: &[CameraState]) -> Snapshot {
-        let camera = |&state: &CameraState| CameraSnapshot { name: "c".into(), state, frames: 1, dropped: 0 };
+        let camera = |&state: &CameraState| CameraSnapshot { name: "c".into(), state, frames: 1, dropped: 0, last_frame_age: None };
         Snapshot {
             cameras: states.iter().map(camera).collect(),
             phase: Phase::Collecting,
