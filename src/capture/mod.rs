@@ -5,6 +5,9 @@
 
 pub mod frame;
 pub mod recording;
+pub mod replay;
+pub mod scripted;
+pub mod writer;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -85,6 +88,13 @@ impl CaptureError {
     /// Data that is not what the layout promises, in `path`.
     pub(crate) fn bad_data(path: &Path, what: impl Into<String>) -> Self {
         Self::BadData { path: path.to_path_buf(), what: what.into() }
+    }
+
+    /// No device with this serial among those that are there.
+    pub(crate) fn not_found(serial: &str, there: &[CameraInfo]) -> Self {
+        let quoted: Vec<String> = there.iter().map(|info| format!("\"{}\"", info.serial)).collect();
+        let available = if quoted.is_empty() { "none".to_owned() } else { quoted.join(", ") };
+        Self::NotFound { serial: serial.to_owned(), available }
     }
 
     /// What the system said about `path`.

@@ -5,6 +5,8 @@
 
 mod images;
 mod sections;
+#[cfg(test)]
+mod tests;
 mod truth;
 
 use std::fs;
@@ -12,6 +14,8 @@ use std::path::{Path, PathBuf};
 
 use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
 
+pub(super) use images::{COLOR_FOLDER, DEPTH_FOLDER, size_px};
+pub(super) use sections::check_cameras;
 pub use truth::GroundTruth;
 
 /// Value of the key `format` of the recordings that this version reads and writes.

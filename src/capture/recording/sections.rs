@@ -94,11 +94,13 @@ fn wrong_format(found: &str) -> String {
     format!("format is \"{found}\"; this version reads \"{FORMAT}\"")
 }
 
-fn check_cameras(cameras: &[CameraInfo]) -> Result<(), String> {
+/// At least one camera, names that can be folders, nothing twice.
+pub(in crate::capture) fn check_cameras(cameras: &[CameraInfo]) -> Result<(), String> {
     if cameras.is_empty() {
         return Err("cameras is empty: at least one camera is needed".into());
     }
     for (idx, camera) in cameras.iter().enumerate() {
+        check_folder_name(&camera.name)?;
         let earlier = cameras.iter().take(idx);
         for other in earlier {
             if other.name == camera.name {
@@ -175,7 +177,7 @@ impl TryFrom<CameraSection> for CheckedCamera {
 }
 
 /// A camera's name is its folder: it must stay inside the recording.
-pub(in crate::capture) fn check_folder_name(name: &str) -> Result<(), String> {
+fn check_folder_name(name: &str) -> Result<(), String> {
     let is_plain = |letter: char| !letter.is_control() && !matches!(letter, '/' | '\\' | ':');
     if name.is_empty() || name.starts_with('.') || name.len() > 100 || !name.chars().all(is_plain) {
         return Err(format!(

@@ -66,8 +66,7 @@ fn motion(pose: &PoseSection) -> Result<Motion, String> {
     let [x, y, z, w] = pose.quaternion_xyzw;
     let quaternion = Quaternion::new(w, x, y, z);
     let norm = quaternion.norm();
-    // Written so that NaN is refused.
-    if !((norm - 1.0).abs() <= MAX_NORM_GAP) {
+    if !norm.is_finite() || (norm - 1.0).abs() > MAX_NORM_GAP {
         return Err(format!("quaternion_xyzw has norm {norm}; 1 is allowed, within {MAX_NORM_GAP}"));
     }
     let [x, y, z] = pose.translation_m;
