@@ -11,8 +11,12 @@ use super::state::{self, Life};
 use super::stop::Stop;
 use super::telling::{HealthTeller, ProgressTeller, wall_clock_ns};
 use crate::capture::DeviceFactory;
-use crate::ipc::{CalibrationMessage, CameraIdentity, Request, RequestKind, Response, Server, ServerError, Snapshot};
-use crate::pipeline::{self, Answer, CameraSlot, CameraState, Command, Counts, Pipeline, PipelineEvent, PipelineOptions, Solved};
+use crate::ipc::{
+    CalibrationMessage, CameraIdentity, Request, RequestKind, Response, Server, ServerError, Snapshot,
+};
+use crate::pipeline::{
+    self, Answer, CameraSlot, CameraState, Command, Counts, Pipeline, PipelineEvent, PipelineOptions, Solved,
+};
 use crate::solver::State;
 
 /// Longest time a client's request or a signal waits for the daemon's attention; events of the pipeline wake it at once.
@@ -74,8 +78,10 @@ impl Rig {
             serial: camera.serial.clone(),
             name: camera.name.clone(),
         };
-        let identity =
-            |camera: &CameraChoice| CameraIdentity { name: camera.name.clone(), serial: camera.serial.clone() };
+        let identity = |camera: &CameraChoice| CameraIdentity {
+            name: camera.name.clone(),
+            serial: camera.serial.clone(),
+        };
         Ok(Self {
             slots: cameras.iter().map(slot).collect(),
             identities: cameras.iter().map(identity).collect(),
@@ -114,7 +120,11 @@ pub fn run(config: &Config, stop: &Stop) -> Result<StopCause, ServiceError> {
                 return Err(ServiceError::Bug { thread, restarts });
             }
             End::Bug { thread } => {
-                tracing::error!(thread, restarts, "a thread panicked, which is a bug: starting the pipeline again");
+                tracing::error!(
+                    thread,
+                    restarts,
+                    "a thread panicked, which is a bug: starting the pipeline again"
+                );
             }
         }
     }

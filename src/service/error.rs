@@ -28,7 +28,9 @@ pub enum ServiceError {
         source: std::io::Error,
     },
     /// The pipeline failed again and again: a bug.
-    #[error("thread \"{thread}\" panicked, the {restarts}th time: giving up; the log says where, please report it")]
+    #[error(
+        "thread \"{thread}\" panicked, the {restarts}th time: giving up; the log says where, please report it"
+    )]
     Bug {
         /// The last thread that panicked.
         thread: String,

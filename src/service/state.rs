@@ -74,13 +74,16 @@ impl Life {
         let refused = |code, sentence: String| Outcome::Refused { code, sentence };
         match kind {
             RequestKind::Status => Outcome::Accepted,
-            _ if self.is_stopping => {
-                refused(RefusalCode::Stopping, "the daemon is about to end: start it again and ask then".into())
-            }
+            _ if self.is_stopping => refused(
+                RefusalCode::Stopping,
+                "the daemon is about to end: start it again and ask then".into(),
+            ),
             RequestKind::Recalibrate => {
                 let streaming = streaming(pipeline);
                 if streaming < MIN_CAMERAS {
-                    let sentence = format!("{streaming} cameras deliver frames, {MIN_CAMERAS} are needed: see the status");
+                    let sentence = format!(
+                        "{streaming} cameras deliver frames, {MIN_CAMERAS} are needed: see the status"
+                    );
                     return refused(RefusalCode::NoCameras, sentence);
                 }
                 match command(Command::Recalibrate) {
@@ -93,9 +96,10 @@ impl Life {
             }
             RequestKind::Cancel => match command(Command::Cancel) {
                 Answer::Accepted => Outcome::Accepted,
-                Answer::Busy | Answer::NotCollecting => {
-                    refused(RefusalCode::NothingToCancel, "no calibration runs: there is nothing to cancel".into())
-                }
+                Answer::Busy | Answer::NotCollecting => refused(
+                    RefusalCode::NothingToCancel,
+                    "no calibration runs: there is nothing to cancel".into(),
+                ),
             },
         }
     }
@@ -112,7 +116,13 @@ mod tests {
     use crate::pipeline::{CameraSnapshot, Counts, LatencySummaries};
 
     fn with_cameras(states: &[CameraState]) -> Snapshot {
-        let camera = |&state: &CameraState| CameraSnapshot { name: "c".into(), state, frames: 1, dropped: 0, last_frame_age: None };
+        let camera = |&state: &CameraState| CameraSnapshot {
+            name: "c".into(),
+            state,
+            frames: 1,
+            dropped: 0,
+            last_frame_age: None,
+        };
         Snapshot {
             cameras: states.iter().map(camera).collect(),
             phase: Phase::Collecting,
@@ -126,7 +136,9 @@ mod tests {
     #[track_caller]
     fn check_refused(outcome: Outcome, expected: RefusalCode) {
         match outcome {
-            Outcome::Refused { code, sentence } => assert!(code == expected && !sentence.is_empty(), "{code:?}"),
+            Outcome::Refused { code, sentence } => {
+                assert!(code == expected && !sentence.is_empty(), "{code:?}")
+            }
             other => panic!("{other:?} instead of {expected:?}"),
         }
     }

@@ -106,7 +106,12 @@ impl HealthTeller {
         };
         let cameras = pipeline.cameras.iter().enumerate().map(health).collect();
         self.frames = pipeline.cameras.iter().map(|camera| camera.frames).collect();
-        HealthMessage { sequence: self.sequence, uptime_ns: self.uptime_ns(), cameras, stages: stages(pipeline) }
+        HealthMessage {
+            sequence: self.sequence,
+            uptime_ns: self.uptime_ns(),
+            cameras,
+            stages: stages(pipeline),
+        }
     }
 }
 

@@ -1,7 +1,19 @@
-//! Black-box tests: one binary, so that there is one link step.
+//! The one integration binary: the library and the programs from outside, one module per subject.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "clippy's leave for tests stops at #[test]"
+)]
 
+mod bad_recording;
 mod cli;
 mod config;
 mod daemon;
 mod env;
+mod fixture;
+mod frame_source;
 mod pipeline;
+mod replay;
+mod scripted;
+mod writer;

@@ -38,7 +38,9 @@ impl CamerasConfig {
             BackendConfig::Replay(recording, options) => {
                 Ok(Box::new(ReplayFactory::new(Recording::open(recording)?, *options)?))
             }
-            BackendConfig::Synthetic(_) => Err(CaptureError::bad_data(std::path::Path::new("synthetic"), "stand-in")),
+            BackendConfig::Synthetic(_) => {
+                Err(CaptureError::bad_data(std::path::Path::new("synthetic"), "stand-in"))
+            }
         }
     }
 
