@@ -53,7 +53,7 @@ pub enum Command {
     Devices(DevicesArgs),
     /// The daemon of the demo, in a process of its own.
     #[command(hide = true)]
-    Daemon(DaemonArgs),
+    DemoDaemon,
 }
 
 /// Form of the answer.
@@ -98,6 +98,9 @@ pub struct RecalibrateArgs {
     /// Wait for the verdict.
     #[arg(long)]
     pub wait: bool,
+    /// Longest time to wait, s.
+    #[arg(long, value_name = "SECONDS", default_value = "120", requires = "wait", value_parser = duration_s)]
+    pub timeout: std::time::Duration,
     /// Form of the answer.
     #[command(flatten)]
     pub output: Output,

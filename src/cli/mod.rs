@@ -7,17 +7,21 @@ mod error;
 mod evaluate;
 pub mod exit;
 mod interrupt;
+mod online;
 mod output;
 mod progress;
 mod record;
+mod watch;
 
 use args::Command;
 use error::CliError;
 use exit::Exit;
 
+use crate::ipc::InstanceName;
+
 /// Runs a command to its end; what went wrong is said on stderr.
-pub fn run(command: &Command) -> Exit {
-    match dispatch(command) {
+pub fn run(instance: &InstanceName, command: &Command) -> Exit {
+    match dispatch(instance, command) {
         Ok(exit) => exit,
         Err(error) => {
             eprintln!("pelical: {error}");
@@ -26,12 +30,16 @@ pub fn run(command: &Command) -> Exit {
     }
 }
 
-fn dispatch(command: &Command) -> Result<Exit, CliError> {
+fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError> {
     match command {
         Command::Calibrate(args) => calibrate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
-        _ => Err(CliError::Failed("not yet".into())),
+        Command::Status(output) => online::status(instance, *output),
+        Command::Watch(output) => watch::run(instance, *output),
+        Command::Recalibrate(args) => online::recalibrate(instance, args),
+        Command::Cancel(output) => online::cancel(instance, *output),
+        Command::Demo(_) | Command::DemoDaemon => Err(CliError::Failed("not yet".into())),
     }
 }

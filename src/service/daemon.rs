@@ -28,13 +28,6 @@ const EVENT_QUEUE: usize = 64;
 /// Restarts of a pipeline with a bug before the daemon gives up.
 const MAX_RESTARTS: u32 = 5;
 
-/// Why the daemon ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StopCause {
-    /// It was asked to.
-    Requested,
-}
-
 /// What is remembered while pipelines come and go.
 struct Daemon {
     identities: Vec<CameraIdentity>,
@@ -99,7 +92,7 @@ impl Rig {
 ///
 /// # Errors
 /// When it cannot start, or when the pipeline fails again and again.
-pub fn run(config: &Config, stop: &Stop) -> Result<StopCause, ServiceError> {
+pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
     // The name first: a second daemon must not even touch the cameras.
     let server = Server::start(&config.instance)?;
     let rig = Rig::new(config)?;
@@ -128,7 +121,7 @@ pub fn run(config: &Config, stop: &Stop) -> Result<StopCause, ServiceError> {
             }
         }
     }
-    Ok(StopCause::Requested)
+    Ok(())
 }
 
 impl Daemon {

@@ -1,6 +1,7 @@
 //! What the client prints: JSON documents for scripts, text for people. stdout is for these alone.
 
 pub mod document;
+pub mod status;
 #[cfg(test)]
 mod tests;
 pub mod text;
@@ -18,6 +19,15 @@ use super::error::CliError;
 /// When stdout cannot be written.
 pub fn print_json(document: &impl Serialize) -> Result<(), CliError> {
     let text = serde_json::to_string_pretty(document).map_err(|error| CliError::Failed(error.to_string()))?;
+    print_text(&format!("{text}\n"))
+}
+
+/// Prints one JSON document on one line.
+///
+/// # Errors
+/// When stdout cannot be written.
+pub fn print_json_line(document: &impl Serialize) -> Result<(), CliError> {
+    let text = serde_json::to_string(document).map_err(|error| CliError::Failed(error.to_string()))?;
     print_text(&format!("{text}\n"))
 }
 
