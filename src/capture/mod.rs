@@ -4,6 +4,7 @@
 //! owns. Everything that can go wrong with a camera is a [`CaptureError`] with a variant for what the caller can do about it.
 
 pub mod frame;
+pub mod synthetic;
 
 use std::path::PathBuf;
 use std::time::Duration;
