@@ -42,7 +42,7 @@ pub fn run(args: &RecordArgs) -> Result<(), CliError> {
     // Exit code 65 is for input; this folder is output.
     let mut writer = RecordingWriter::create(&args.folder, &rig, "", &source)
         .map_err(|error| CliError::Failed(error.to_string()))?;
-    if let Some(reference_from_camera) = config.cameras.truth(&chosen)? {
+    if let Some(reference_from_camera) = config.cameras.truth(&chosen) {
         writer.write_ground_truth(&reference_from_camera)?;
     }
     let mut recorder = Recorder::new(sources, &rig, config.pipeline.sync.max_skew);

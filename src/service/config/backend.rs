@@ -3,6 +3,7 @@
 use super::check::{BackendConfig, CameraChoice, CamerasConfig};
 use crate::capture::recording::Recording;
 use crate::capture::replay::ReplayFactory;
+use crate::capture::synthetic::SyntheticFactory;
 use crate::capture::{CameraInfo, CaptureError, DeviceFactory};
 use crate::geometry::motion::Motion;
 
@@ -68,10 +69,14 @@ impl CamerasConfig {
     }
 
     /// Where the cameras of a rig truly are, in the frame of the rig's first; `None` where the back end cannot know.
-    ///
-    /// # Errors
-    /// When the back end cannot be reached.
-    pub fn truth(&self, _rig: &[CameraChoice]) -> Result<Option<Vec<Motion>>, CaptureError> {
-        Ok(None)
+    pub fn truth(&self, rig: &[CameraChoice]) -> Option<Vec<Motion>> {
+        let BackendConfig::Synthetic(options) = &self.backend else { return None };
+        let place = |camera: &CameraChoice| {
+            let found = options.cameras.iter().find(|made| made.info.serial == camera.serial);
+            found.map(|made| made.reference_from_camera)
+        };
+        let places: Vec<Motion> = rig.iter().map(place).collect::<Option<_>>()?;
+        let first_from_reference = places.first()?.inverse();
+        Some(places.iter().map(|reference_from_camera| first_from_reference * reference_from_camera).collect())
     }
 }

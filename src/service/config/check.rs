@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::error::Refusal;
+use super::convert::synthetic_options;
 use super::sections::{
-    Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection, SyntheticSection,
+    Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection,
 };
+use crate::capture::synthetic::SyntheticOptions;
 use crate::capture::replay::{self, ReplayOptions};
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
 use crate::pipeline::PipelineOptions;
@@ -40,7 +42,7 @@ pub enum BackendConfig {
     /// A recording folder.
     Replay(PathBuf, ReplayOptions),
     /// A rendered room.
-    Synthetic(SyntheticSection),
+    Synthetic(SyntheticOptions),
 }
 
 /// One camera of the rig.
@@ -91,7 +93,7 @@ impl TryFrom<&CamerasSection> for CamerasConfig {
                 let recording = recording.ok_or_else(|| Refusal::new("cameras.replay.recording", what))?;
                 BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))
             }
-            Backend::Synthetic => BackendConfig::Synthetic(file.synthetic.clone()),
+            Backend::Synthetic => BackendConfig::Synthetic(synthetic_options(&file.synthetic)?),
         };
         Ok(Self { backend, list: file.list.iter().map(choice).collect(), reference: file.reference.clone() })
     }

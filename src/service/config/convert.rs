@@ -1,9 +1,10 @@
-//! The sections `sync`, `lines` and `estimate` as options of the pipeline: ranges checked, units converted, once.
+//! The sections `cameras.synthetic`, `sync`, `lines` and `estimate` as options of the parts: ranges checked, units converted, once.
 
 use std::time::Duration;
 
 use super::error::Refusal;
-use super::sections::{ConfigFile, EstimateSection, LinesSection, SyncSection};
+use super::sections::{ConfigFile, EstimateSection, LinesSection, Pace, SyncSection, SyntheticNoise, SyntheticRig, SyntheticSection};
+use crate::capture::synthetic::{self, Noise, SyntheticOptions};
 use crate::lines::{DetectOptions, LiftOptions};
 use crate::pipeline::{MotionOptions, PipelineOptions, SyncOptions};
 use crate::solver::{EstimateOptions, EvidenceLimits, VerdictLimits};
@@ -85,6 +86,43 @@ fn verdict_limits(file: &EstimateSection) -> Result<VerdictLimits, Refusal> {
         max_sigma_translation_m: file.max_sigma_translation_mm * 1e-3,
         max_sigma_rotation_rad: file.max_sigma_rotation_deg.to_radians(),
         max_free_space_violated: file.max_free_space_violated,
+    })
+}
+
+/// The options of the synthetic back end.
+///
+/// # Errors
+/// Names the first value out of range.
+pub(super) fn synthetic_options(file: &SyntheticSection) -> Result<SyntheticOptions, Refusal> {
+    let key = |name: &str| format!("cameras.synthetic.{name}");
+    within(&key("yaw_deg"), file.yaw_deg, (-180.0, 180.0))?;
+    within(&key("baseline_m"), file.baseline_m, (-1.0, 1.0))?;
+    within(&key("disparity_sigma_px"), file.disparity_sigma_px, (0.0, 10.0))?;
+    within(&key("rate_hz"), file.rate_hz, (0.1, 1_000.0))?;
+    within(&key("frame_sets"), file.frame_sets.unwrap_or(1) as f64, (1.0, 1e12))?;
+    within(&key("view_step"), file.view_step, (0.0, 100.0))?;
+    within(&key("frames_per_view"), file.frames_per_view as f64, (1.0, 1e6))?;
+    // 1.5 MB a frame: 1000 frames of two cameras are 3 GB.
+    within(&key("render_ahead"), file.render_ahead.unwrap_or(1) as f64, (1.0, 1_000.0))?;
+    let rig = match file.rig {
+        SyntheticRig::ThreeCameras => SyntheticOptions { seed: file.seed, ..SyntheticOptions::demo() },
+        SyntheticRig::Pair => SyntheticOptions::pair(file.yaw_deg, file.baseline_m, file.seed),
+    };
+    Ok(SyntheticOptions {
+        noise: match file.noise {
+            SyntheticNoise::Off => Noise::Off,
+            SyntheticNoise::D435i => Noise::D435i { disparity_sigma_px: file.disparity_sigma_px },
+        },
+        pace: match file.pace {
+            Pace::RealTime => synthetic::Pace::RealTime,
+            Pace::Unpaced => synthetic::Pace::Unpaced,
+        },
+        period: Duration::from_secs_f64(1.0 / file.rate_hz),
+        frame_sets: file.frame_sets,
+        view_step: file.view_step,
+        frames_per_view: file.frames_per_view,
+        render_ahead: file.render_ahead,
+        ..rig
     })
 }
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::serial::Serial;
+use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::InstanceName;
 use crate::lines::{DetectOptions, LiftOptions};
 use crate::pipeline::{MotionOptions, SyncOptions};
@@ -157,11 +158,11 @@ impl Default for ReplaySection {
     }
 }
 
-/// How fast a recording is played.
+/// How fast frames come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pace {
-    /// By the stamps of the frames.
+    /// As their stamps are apart.
     RealTime,
     /// As fast as they are taken.
     Unpaced,
@@ -171,14 +172,69 @@ pub enum Pace {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
 pub struct SyntheticSection {
+    /// Which cameras.
+    pub rig: SyntheticRig,
+    /// How far the right camera of a pair looks to the right of the left one.
+    pub yaw_deg: f64,
+    /// How far the right camera of a pair is to the right of the left one.
+    pub baseline_m: f64,
     /// Seed of the room, the motion and the noise.
     pub seed: u64,
+    /// Noise of the pictures.
+    pub noise: SyntheticNoise,
+    /// Standard deviation of the disparity.
+    pub disparity_sigma_px: f64,
+    /// How fast frames come.
+    pub pace: Pace,
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Frame sets until the end of the stream; `null` is endless.
+    pub frame_sets: Option<u64>,
+    /// How far the rig moves between two views, in key poses of its path.
+    pub view_step: f64,
+    /// Frame sets for which the rig stands still at each view.
+    pub frames_per_view: u64,
+    /// Frames rendered at the start and then repeated; `null` renders each frame when it is asked for.
+    pub render_ahead: Option<usize>,
 }
 
 impl Default for SyntheticSection {
     fn default() -> Self {
-        Self { seed: 1 }
+        Self {
+            rig: SyntheticRig::ThreeCameras,
+            yaw_deg: 60.0,
+            baseline_m: 0.3,
+            seed: SyntheticOptions::demo().seed,
+            noise: SyntheticNoise::D435i,
+            disparity_sigma_px: 0.1,
+            pace: Pace::RealTime,
+            rate_hz: 30.0,
+            frame_sets: None,
+            view_step: 1.0,
+            frames_per_view: 1,
+            render_ahead: None,
+        }
     }
+}
+
+/// Ready-made rigs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SyntheticRig {
+    /// Front, left and right, which hardly overlap.
+    ThreeCameras,
+    /// Left and right.
+    Pair,
+}
+
+/// Noise of synthetic pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SyntheticNoise {
+    /// Exact depth and clean colour.
+    Off,
+    /// As a D435i.
+    D435i,
 }
 
 /// `sync`.
