@@ -2,6 +2,7 @@
 
 pub mod args;
 mod calibrate;
+mod demo;
 mod devices;
 mod error;
 mod evaluate;
@@ -40,6 +41,8 @@ fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError
         Command::Watch(output) => watch::run(instance, *output),
         Command::Recalibrate(args) => online::recalibrate(instance, args),
         Command::Cancel(output) => online::cancel(instance, *output),
-        Command::Demo(_) | Command::DemoDaemon => Err(CliError::Failed("not yet".into())),
+        Command::Demo(output) => demo::run(*output),
+        // Belongs to the program, not to the client: see src/bin/pelical.rs.
+        Command::DemoDaemon => Err(CliError::Failed("this is no command of the client".to_owned())),
     }
 }

@@ -15,7 +15,7 @@ use crate::ipc::{
     CalibrationMessage, CameraIdentity, Request, RequestKind, Response, Server, ServerError, Snapshot,
 };
 use crate::pipeline::{
-    self, Answer, CameraSlot, CameraState, Command, Counts, Pipeline, PipelineEvent, PipelineOptions, Solved,
+    self, Answer, CameraSlot, Command, Counts, Pipeline, PipelineEvent, PipelineOptions, Solved,
 };
 use crate::solver::State;
 
@@ -180,14 +180,8 @@ impl Daemon {
                 self.note(live.server.publish_progress(&message));
             }
             PipelineEvent::Calibration(solved) => self.publish(*solved, live),
-            PipelineEvent::Camera { camera, state, detail } => {
-                let name = self.identities.get(camera).map_or("?", |camera| camera.name.as_str());
-                match state {
-                    CameraState::Streaming => tracing::info!(camera = name, "camera streams"),
-                    other => tracing::warn!(camera = name, state = other.name(), detail, "camera is away"),
-                }
-            }
-            PipelineEvent::Bug { .. } => {}
+            // The pipeline has logged it, health tells it, and a bug has ended the loop.
+            PipelineEvent::Camera { .. } | PipelineEvent::Bug { .. } => {}
         }
     }
 

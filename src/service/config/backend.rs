@@ -39,9 +39,7 @@ impl CamerasConfig {
             BackendConfig::Replay(recording, options) => {
                 Ok(Box::new(ReplayFactory::new(Recording::open(recording)?, *options)?))
             }
-            BackendConfig::Synthetic(_) => {
-                Err(CaptureError::bad_data(std::path::Path::new("synthetic"), "stand-in"))
-            }
+            BackendConfig::Synthetic(options) => Ok(Box::new(SyntheticFactory::new(options.clone()))),
         }
     }
 
@@ -77,6 +75,8 @@ impl CamerasConfig {
         };
         let places: Vec<Motion> = rig.iter().map(place).collect::<Option<_>>()?;
         let first_from_reference = places.first()?.inverse();
-        Some(places.iter().map(|reference_from_camera| first_from_reference * reference_from_camera).collect())
+        Some(
+            places.iter().map(|reference_from_camera| first_from_reference * reference_from_camera).collect(),
+        )
     }
 }

@@ -2,13 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::error::Refusal;
 use super::convert::synthetic_options;
-use super::sections::{
-    Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection,
-};
-use crate::capture::synthetic::SyntheticOptions;
+use super::error::Refusal;
+use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection};
 use crate::capture::replay::{self, ReplayOptions};
+use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
 use crate::pipeline::PipelineOptions;
 

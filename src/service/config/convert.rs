@@ -3,7 +3,10 @@
 use std::time::Duration;
 
 use super::error::Refusal;
-use super::sections::{ConfigFile, EstimateSection, LinesSection, Pace, SyncSection, SyntheticNoise, SyntheticRig, SyntheticSection};
+use super::sections::{
+    ConfigFile, EstimateSection, LinesSection, Pace, SyncSection, SyntheticNoise, SyntheticRig,
+    SyntheticSection,
+};
 use crate::capture::synthetic::{self, Noise, SyntheticOptions};
 use crate::lines::{DetectOptions, LiftOptions};
 use crate::pipeline::{MotionOptions, PipelineOptions, SyncOptions};
