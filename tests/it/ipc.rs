@@ -1,4 +1,5 @@
 //! Daemon and client over real shared memory, each test under an instance name of its own.
+#![allow(clippy::expect_used, reason = "clippy sees the helpers of an integration test as product code")]
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc;
@@ -193,9 +194,12 @@ fn a_client_that_never_reads_does_not_hold_up_the_daemon() {
     let instance = unique_instance();
     let daemon = Daemon::start(&instance);
     let mut sleeper = Client::connect(&instance).expect("the daemon runs");
-    let mut reader = Client::connect(&instance).expect("room for a second client");
-    daemon.run(|server| (1..=2_000).for_each(|n| server.publish_progress(&progress(n)).expect("published")));
-    reader.status(PLENTY).expect("answered after all of them");
+    let (done, is_done) = mpsc::channel();
+    daemon.run(move |server| {
+        (1..=2_000).for_each(|n| server.publish_progress(&progress(n)).expect("published"));
+        done.send(()).expect("the test waits");
+    });
+    is_done.recv_timeout(PLENTY).expect("the daemon is held up");
     let first = sleeper.next_progress(PLENTY).expect("the daemon runs").expect("the newest are kept");
     assert!(first.sequence > 1_900, "kept {} instead of the newest", first.sequence);
 }
@@ -334,4 +338,7 @@ fn a_killed_daemon_leaves_nothing_in_the_way() {
         let found = old_client.wait_calibration(PLENTY).expect("the new child runs");
         assert_eq!(found, Some(calibration(1)), "round {round}: the client that saw the kill");
     }
+    child.kill();
+    // Whoever comes next cleans up after the killed: nothing of this test stays.
+    assert!(matches!(Client::connect(&instance), Err(ClientError::NotRunning { .. })));
 }
