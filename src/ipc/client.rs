@@ -14,7 +14,9 @@ use iceoryx2::prelude::{EventId, ZeroCopySend};
 use super::message::{CalibrationMessage, HealthMessage, ProgressMessage};
 use super::names::{InstanceName, IpcService, Topic};
 use super::request::{Request, RequestKind, Response};
-use super::services::{Failure, MAX_CLIENTS, Participant, Published, Side, events, has_living_publisher};
+use super::services::{
+    Failure, MAX_CLIENTS, Participant, Published, Side, events, has_living_publisher, listen,
+};
 use super::wire::{CalibrationWire, HealthWire, ProgressWire, RequestWire, ResponseWire, WireError};
 
 type ControlPort = iceoryx2::port::client::Client<IpcService, RequestWire, (), ResponseWire, ()>;
@@ -204,7 +206,7 @@ impl Client {
             }
             let left = deadline.saturating_duration_since(Instant::now());
             // A signal or a failure of the event only makes this a poll.
-            let news = self.news.timed_wait(|_| {}, left.min(SILENCE)).unwrap_or(0);
+            let news = listen(&self.news, left.min(SILENCE), |_| {}).unwrap_or(0);
             if news == 0 && !has_living_publisher(&self.calibration_topic) {
                 return Err(ClientError::NotRunning { instance: self.instance.clone() });
             }
@@ -220,7 +222,7 @@ impl Client {
         let mut is_greeted = false;
         while !is_greeted {
             let left = deadline.saturating_duration_since(Instant::now());
-            let waited = self.news.timed_wait(|event| is_greeted |= event.id == events::greeted(), left);
+            let waited = listen(&self.news, left, |event| is_greeted |= event == events::greeted());
             if left.is_zero() || waited.is_err() {
                 break;
             }

@@ -15,7 +15,7 @@ use iceoryx2::prelude::{BackpressureStrategy, EventId, ZeroCopySend};
 use super::message::{CalibrationMessage, HealthMessage, ProgressMessage};
 use super::names::{InstanceName, IpcService, Topic};
 use super::request::{Outcome, RefusalCode, Request, RequestKind, Response};
-use super::services::{Failure, MAX_CLIENTS, Participant, Side, events};
+use super::services::{Failure, MAX_CLIENTS, Participant, Side, events, listen};
 use super::wire::{CalibrationWire, HealthWire, ProgressWire, RequestWire, ResponseWire, WireError};
 
 type ControlPort = iceoryx2::port::server::Server<IpcService, RequestWire, (), ResponseWire, ()>;
@@ -127,7 +127,7 @@ impl Server {
             return Ok(answered);
         }
         let mut joined = false;
-        match self.calls.timed_wait(|event| joined |= event.id == events::joined(), timeout) {
+        match listen(&self.calls, timeout, |event| joined |= event == events::joined()) {
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => {}
             Err(error) => return Err(self.failed("waiting for clients", &error)),
         }

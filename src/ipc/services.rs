@@ -4,9 +4,10 @@ use std::fmt::Debug;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::NodeCreationFailure;
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::prelude::{
-    CallbackProgression, Config, LogLevel, NodeBuilder, NodeState, PortFactory, ServiceName,
-    SignalHandlingMode, ZeroCopySend, set_log_level_from_env_or,
+    CallbackProgression, Config, EventActivation, EventId, LogLevel, NodeBuilder, NodeState, PortFactory,
+    ServiceName, SignalHandlingMode, ZeroCopySend, set_log_level_from_env_or,
 };
 use iceoryx2::service::builder::{ServiceCreateError, ServiceOpenError};
 use iceoryx2::service::port_factory;
@@ -205,6 +206,21 @@ impl<'a> Participant<'a> {
             }
             std::thread::sleep(RETRY);
         }
+    }
+}
+
+/// Waits up to `timeout` for events; returns how many came.
+pub(super) fn listen(
+    listener: &Listener<IpcService>,
+    timeout: Duration,
+    mut on_event: impl FnMut(EventId),
+) -> Result<u64, ListenerWaitError> {
+    let callback = |event: EventActivation| on_event(event.id);
+    // iceoryx2 0.10 hands the timeout to the socket in whole microseconds, and there 0 means for ever.
+    if timeout < Duration::from_micros(1) {
+        listener.try_wait(callback)
+    } else {
+        listener.timed_wait(callback, timeout)
     }
 }
 

@@ -13,6 +13,7 @@ mod daemon;
 mod env;
 mod fixture;
 mod frame_source;
+mod ipc;
 mod pipeline;
 mod replay;
 mod scripted;

@@ -6,7 +6,7 @@ use nalgebra::Matrix6;
 use super::parts::{FixedText, MotionWire, ReasonWire, state_code, state_of};
 use super::{
     MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, VERSION, WireError, check_version, count, count_wire, flag,
-    not_negative,
+    index, not_negative, pair_indices,
 };
 use crate::ipc::message::{CalibrationMessage, CameraIdentity};
 use crate::solver::{CameraPose, PairEstimate, RigCalibration, State};
@@ -218,14 +218,6 @@ impl TryFrom<&CalibrationWire> for CalibrationMessage {
     }
 }
 
-/// An index below `n`.
-fn index(field: &'static str, found: u32, n: usize) -> Result<usize, WireError> {
-    let Some(limit) = n.checked_sub(1) else {
-        return Err(WireError::Value { field: "cameras", allowed: "at least one" });
-    };
-    count(field, found, limit)
-}
-
 fn pose_of(camera: &CameraWire) -> Result<Option<CameraPose>, WireError> {
     if !flag("camera has_pose", camera.has_pose)? {
         return Ok(None);
@@ -243,9 +235,10 @@ fn pose_of(camera: &CameraWire) -> Result<Option<CameraPose>, WireError> {
 
 fn pair_of(pair: &PairWire, n_cameras: usize) -> Result<PairEstimate, WireError> {
     let has_motion = flag("pair has_motion", pair.has_motion)?;
+    let (target, source) = pair_indices([pair.target, pair.source], n_cameras)?;
     Ok(PairEstimate {
-        target: index("pair target", pair.target, n_cameras)?,
-        source: index("pair source", pair.source, n_cameras)?,
+        target,
+        source,
         state: state_of(pair.state, "pair state")?,
         reason: pair.reason.decode("pair reason")?,
         target_from_source: has_motion.then(|| pair.target_from_source.decode("pair motion")).transpose()?,

@@ -85,6 +85,22 @@ fn count(field: &'static str, found: u32, limit: usize) -> Result<usize, WireErr
     if found <= limit { Ok(found) } else { Err(WireError::Count { field, found, limit }) }
 }
 
+/// An index below `n`.
+fn index(field: &'static str, found: u32, n: usize) -> Result<usize, WireError> {
+    let Some(limit) = n.checked_sub(1) else {
+        return Err(WireError::Value { field: "cameras", allowed: "at least one" });
+    };
+    count(field, found, limit)
+}
+
+/// The indices of target and source: two of `n` cameras.
+fn pair_indices([target, source]: [u32; 2], n: usize) -> Result<(usize, usize), WireError> {
+    if target == source {
+        return Err(WireError::Value { field: "pair source", allowed: "another camera than the target" });
+    }
+    Ok((index("pair target", target, n)?, index("pair source", source, n)?))
+}
+
 /// A count as it goes on the wire, at most `limit`.
 fn count_wire(field: &'static str, found: usize, limit: usize) -> Result<u32, WireError> {
     match u32::try_from(found) {

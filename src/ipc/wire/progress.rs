@@ -3,7 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::parts::{state_code, state_of};
-use super::{MAX_CAMERAS, VERSION, WireError, check_version, count, count_wire, flag};
+use super::{MAX_CAMERAS, VERSION, WireError, check_version, count, count_wire, flag, pair_indices};
 use crate::ipc::message::{BestPair, CameraLines, FrameSetCounts, ProgressMessage, Skew};
 
 /// How collecting goes, in shared memory.
@@ -126,10 +126,6 @@ fn best_pair_of(wire: &ProgressWire, n_cameras: usize) -> Result<Option<BestPair
     if !flag("has_best_pair", wire.has_best_pair)? {
         return Ok(None);
     }
-    let last = n_cameras.saturating_sub(1);
-    Ok(Some(BestPair {
-        target: count("best pair target", wire.best_target, last)?,
-        source: count("best pair source", wire.best_source, last)?,
-        matches: wire.best_matches as usize,
-    }))
+    let (target, source) = pair_indices([wire.best_target, wire.best_source], n_cameras)?;
+    Ok(Some(BestPair { target, source, matches: wire.best_matches as usize }))
 }
