@@ -136,7 +136,7 @@ impl FrameSource for FakeSource {
             Mode::Unplugged => return Err(CaptureError::Unplugged(self.info.name.clone())),
             Mode::End => return Err(CaptureError::EndOfStream),
         }
-        let due = self.start + PERIOD * (self.number as u32 + 1);
+        let due = self.start + PERIOD * self.number as u32;
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
         // Like a device: what was due long ago is lost.
         self.number = self.number.max((self.start.elapsed().as_nanos() / PERIOD.as_nanos()) as u64);
