@@ -29,7 +29,7 @@ const JPEG_QUALITY: u8 = 95;
 /// How colour images are stored; depth is always 16-bit PNG.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ColorFormat {
-    /// JPEG of quality 95: a tenth of the size, nearly the same edges.
+    /// JPEG of quality 95: a quarter of the size, nearly the same edges.
     #[default]
     Jpeg,
     /// PNG: bit for bit.

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::{Matrix4, Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix4, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::candidates::{Candidate, PairEvidence};
 use super::residual::{MatchResidual, match_residual};
@@ -20,8 +20,10 @@ const LOG_CHANCE_VOLUME: f64 = 0.365;
 const STRUCTURE_PENALTY: f64 = 4.0;
 /// No single match counts more, nats: one lucky coincidence of precise lines must not outvote several honest ones.
 const MAX_GAIN: f64 = 8.0;
-/// First look, before the full residual: directions within this angle, rad.
-const COARSE_ANGLE_RAD: f64 = 0.15;
+/// First look, before any covariance: directions within this angle, rad ...
+const NEAR_ANGLE_RAD: f64 = 0.15;
+/// ... and lines within this distance of each other, m, beyond what their noise explains.
+const NEAR_DISTANCE_M: f64 = 0.4;
 
 /// How far a pose may still be off when matches are looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,21 +64,25 @@ pub struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Candidates that could match under poses near this one: directions within the coarse angle.
-    pub fn near(&self, target_from_source: &UnitQuaternion<f64>) -> Vec<usize> {
-        let rotation = target_from_source.to_rotation_matrix();
-        let least_cosine = COARSE_ANGLE_RAD.cos();
-        let aligned = |candidate: &Candidate| {
-            (rotation * candidate.source_direction).dot(&candidate.target_direction).abs() >= least_cosine
+    /// Candidates that could match under poses near this one.
+    pub fn near(&self, target_from_source: &Motion) -> Vec<usize> {
+        let look = Look::new(target_from_source);
+        let is_near = |candidate: &Candidate| {
+            let (angle_rad, distance_m, gap_m) = look.apart(candidate);
+            let sigma_m = candidate.sigma_position_m.hypot(candidate.sigma_angle_rad * gap_m);
+            angle_rad < NEAR_ANGLE_RAD
+                && distance_m < NEAR_DISTANCE_M + NEAR_ANGLE_RAD * gap_m + 5.0 * sigma_m
         };
-        (0..self.candidates.len()).filter(|&idx| aligned(&self.candidates[idx])).collect()
+        (0..self.candidates.len()).filter(|&idx| is_near(&self.candidates[idx])).collect()
     }
 
     /// One-to-one matches under a pose, best first within a set, in candidate order over the sets.
     pub fn matches(&self, near: &[usize], target_from_source: &Motion, gate: &Gate) -> Vec<Match> {
         let pose_covariance = gate.pose_covariance();
+        let look = Look::new(target_from_source);
         let mut found: Vec<Match> = near
             .iter()
+            .filter(|&&idx| look.is_possible(&self.candidates[idx], gate))
             .filter_map(|&idx| self.explained(idx, target_from_source, (gate, &pose_covariance)))
             .collect();
         found.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.candidate.cmp(&b.candidate)));
@@ -124,6 +130,43 @@ impl Scene<'_> {
             - (targets.len() as f64).ln()
             - STRUCTURE_PENALTY;
         (gain > 0.0).then_some(Match { candidate: idx, distance2, gain: gain.min(MAX_GAIN) })
+    }
+}
+
+/// A quick look at a candidate under a pose, without derivatives.
+struct Look {
+    rotation: Rotation3<f64>,
+    translation_m: Vector3<f64>,
+}
+
+impl Look {
+    fn new(target_from_source: &Motion) -> Self {
+        Self {
+            rotation: target_from_source.rotation.to_rotation_matrix(),
+            translation_m: target_from_source.translation.vector,
+        }
+    }
+
+    /// Angle between the directions, rad; distance of the target's middle from the moved source line, m; and how far along
+    /// that line the two middles are apart, m.
+    fn apart(&self, candidate: &Candidate) -> (f64, f64, f64) {
+        let direction = self.rotation * candidate.source_direction;
+        let sine = direction.cross(&candidate.target_direction).norm();
+        let offset =
+            candidate.target_middle_m - self.rotation * candidate.source_middle_m - self.translation_m;
+        let gap_m = offset.dot(&direction);
+        (sine, (offset - direction * gap_m).norm(), gap_m.abs())
+    }
+
+    /// Whether the full residual could pass: a bound at six standard deviations.
+    fn is_possible(&self, candidate: &Candidate, gate: &Gate) -> bool {
+        let (angle_rad, distance_m, gap_m) = self.apart(candidate);
+        let sigma_rad = gate.rotation_rad + gate.noise_scale * candidate.sigma_angle_rad;
+        let lever_m = gap_m + candidate.source_middle_m.norm();
+        let sigma_m = gate.translation_m
+            + gate.rotation_rad * lever_m
+            + gate.noise_scale * (candidate.sigma_position_m + candidate.sigma_angle_rad * gap_m);
+        angle_rad < 6.0 * sigma_rad && distance_m < 6.0 * sigma_m
     }
 }
 

@@ -25,8 +25,14 @@ pub struct Candidate {
     pub target_direction: Vector3<f64>,
     /// Unit direction of the source line, in the source.
     pub source_direction: Vector3<f64>,
+    /// Middle of the target line, in the target, m.
+    pub target_middle_m: Vector3<f64>,
+    /// Middle of the source line, in the source, m.
+    pub source_middle_m: Vector3<f64>,
     /// Standard deviation of the angle between both directions, rad.
     pub sigma_angle_rad: f64,
+    /// Standard deviation of the distance between both middles across the lines, m.
+    pub sigma_position_m: f64,
 }
 
 /// The two cameras of a pair and their lines.
@@ -76,7 +82,10 @@ impl<'a> PairEvidence<'a> {
                         weight: 1.0 / bundle as f64,
                         target_direction: target.direction.into_inner(),
                         source_direction: source.direction.into_inner(),
+                        target_middle_m: target.middle_m().coords,
+                        source_middle_m: source.middle_m().coords,
                         sigma_angle_rad,
+                        sigma_position_m: target.sigma_position_m.hypot(source.sigma_position_m),
                     });
                 }
             }

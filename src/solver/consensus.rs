@@ -4,19 +4,22 @@
 
 use super::association::{Gate, Match, Scene, coarse_score};
 use super::candidates::{Candidate, PairEvidence};
+use super::free_space::free_space;
 use super::refine::{Refined, refine};
 use super::rotation_vote::rotation_modes;
 use super::translation_vote::{TranslationGrid, translation_lines};
+use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
 /// Lines whose direction is worse than this do not vote for rotations, rad (3 degrees).
 const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
 /// Rotations tried.
 const MAX_MODES: usize = 200;
-/// Translations tried per rotation.
-const PEAKS_PER_MODE: usize = 8;
+/// Translations tried per rotation, by the rotation's rank: where lines share a room's axes, the true rotation leads, and the
+/// true translation may hide among many peaks of parallel bundles.
+const PEAKS_BY_RANK: [(usize, usize); 3] = [(12, 60), (60, 20), (MAX_MODES, 6)];
 /// Poses refined.
-const MAX_REFINED: usize = 120;
+const MAX_REFINED: usize = 160;
 /// Poses closer than both belong together before refinement.
 const SAME_START_RAD: f64 = 0.02;
 /// See [`SAME_START_RAD`]; m.
@@ -52,17 +55,32 @@ pub struct Ranking {
     pub runner_up: Option<Hypothesis>,
 }
 
+/// What makes a pose impossible whatever lines agree with it.
+#[derive(Debug, Clone, Copy)]
+pub struct RankLimits<'a> {
+    /// Intrinsics of the rig's cameras.
+    pub cameras: &'a [Camera],
+    /// Largest distance between the two cameras, m.
+    pub max_baseline_m: f64,
+    /// Largest share of surface samples that may contradict free space.
+    pub max_free_space_violated: f64,
+}
+
 /// Ranks the poses of a pair; `None` when no candidates agree on any pose.
-pub fn rank_poses(pair: PairEvidence<'_>, max_baseline_m: f64) -> Option<Ranking> {
+pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Option<Ranking> {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
-    let starts = coarse_poses(&pair, &candidates, max_baseline_m);
+    let starts = coarse_poses(&candidates, limits.max_baseline_m);
     let scene = Scene { pair, candidates: &candidates };
     let mut settled: Vec<Hypothesis> = starts.iter().filter_map(|(pose, _)| settle(&scene, pose)).collect();
     settled.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let best = settled.first()?.clone();
+    let mut possible = settled.into_iter().filter(|settled| {
+        let pose = &settled.refined.target_from_source;
+        pose.translation.vector.norm() <= limits.max_baseline_m
+            && !free_space(&pair, limits.cameras, pose).is_violated(limits.max_free_space_violated)
+    });
+    let best = possible.next()?;
     let pose = best.refined.target_from_source;
-    let runner_up =
-        settled.into_iter().skip(1).find(|other| are_different(&other.refined.target_from_source, &pose));
+    let runner_up = possible.find(|other| are_different(&other.refined.target_from_source, &pose));
     Some(Ranking { candidates, best, runner_up })
 }
 
@@ -72,16 +90,13 @@ fn are_different(a: &Motion, b: &Motion) -> bool {
 }
 
 /// Rotation modes, translation peaks of each, and the best of all by the coarse score.
-fn coarse_poses(
-    pair: &PairEvidence<'_>,
-    candidates: &[Candidate],
-    max_baseline_m: f64,
-) -> Vec<(Motion, f64)> {
+fn coarse_poses(candidates: &[Candidate], max_baseline_m: f64) -> Vec<(Motion, f64)> {
     let mut grid = TranslationGrid::new(max_baseline_m);
     let mut poses: Vec<(Motion, f64)> = Vec::new();
-    for mode in rotation_modes(candidates, MAX_MODES) {
-        let lines = translation_lines(pair, candidates, &mode.target_from_source);
-        for (translation_m, _) in grid.peaks(candidates, &lines, PEAKS_PER_MODE) {
+    for (rank, mode) in rotation_modes(candidates, MAX_MODES).into_iter().enumerate() {
+        let max_peaks = PEAKS_BY_RANK.iter().find(|(below, _)| rank < *below).map_or(0, |(_, peaks)| *peaks);
+        let lines = translation_lines(candidates, &mode.target_from_source);
+        for (translation_m, _) in grid.peaks(candidates, &lines, max_peaks) {
             let score = coarse_score(candidates, &lines, &translation_m);
             poses.push((Motion::from_parts(translation_m.into(), mode.target_from_source), score));
         }
@@ -106,7 +121,7 @@ fn coarse_poses(
 pub fn settle(scene: &Scene<'_>, start: &Motion) -> Option<Hypothesis> {
     let mut pose = *start;
     let mut noise_scale = 1.0;
-    let near = scene.near(&start.rotation);
+    let near = scene.near(start);
     for (translation_m, rotation_rad) in SETTLING {
         let gate = Gate { translation_m, rotation_rad, noise_scale };
         let matches = scene.matches(&near, &pose, &gate);

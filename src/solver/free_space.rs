@@ -16,6 +16,9 @@ const CLEARLY_IN_FRONT_RATIO: f64 = 0.12;
 /// Samples of the other camera further from the projected point than this say nothing about it, px (half a cell).
 const SAME_DIRECTION_PX: f64 = 10.0;
 
+/// Fewer samples than this are no proof.
+const MIN_COMPARED: usize = 40;
+
 /// Counts over all frame sets, both ways.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FreeSpace {
@@ -29,6 +32,11 @@ impl FreeSpace {
     /// Share of the compared samples that contradict the pose.
     pub fn violated_share(&self) -> f64 {
         if self.compared == 0 { 0.0 } else { self.violated as f64 / self.compared as f64 }
+    }
+
+    /// Whether enough samples were compared and more than the given share of them contradicts.
+    pub fn is_violated(&self, max_share: f64) -> bool {
+        self.compared >= MIN_COMPARED && self.violated_share() > max_share
     }
 }
 

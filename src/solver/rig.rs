@@ -2,9 +2,8 @@
 
 use super::association::Scene;
 use super::candidates::PairEvidence;
-use super::consensus::{Ranking, rank_poses};
+use super::consensus::{RankLimits, Ranking, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
-use super::free_space::free_space;
 use super::joint::{Edge, JointPoses, solve_joint};
 use super::refine::NormalEquations;
 use super::result::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
@@ -109,7 +108,12 @@ impl RigEstimator {
             residual_px: 0.0,
             residual_m: 0.0,
         };
-        let Some(ranking) = rank_poses(pair, self.options.max_baseline_m) else {
+        let limits = RankLimits {
+            cameras: &self.cameras,
+            max_baseline_m: self.options.max_baseline_m,
+            max_free_space_violated: self.options.verdict.max_free_space_violated,
+        };
+        let Some(ranking) = rank_poses(pair, &limits) else {
             let sentence =
                 "no lines of both cameras agree on any pose yet: show straight edges that run through both \
                             cameras, from several rig poses"
@@ -119,8 +123,7 @@ impl RigEstimator {
         };
         let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
-        let free_space = free_space(&pair, &self.cameras, &pose);
-        let bench = Bench { scene, ranking: &ranking, free_space, limits: self.options.verdict };
+        let bench = Bench { scene, ranking: &ranking, limits: self.options.verdict };
         (estimate.state, estimate.reason) = judge(&bench);
         let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);

@@ -5,7 +5,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::candidates::{Candidate, PairEvidence};
+use super::candidates::Candidate;
 
 /// Edge of a cell, m: about the blur that a rotation off by 1.5 degrees leaves at 2 m.
 const CELL_M: f64 = 0.05;
@@ -47,7 +47,6 @@ impl TranslationLine {
 
 /// The translation lines of all candidates whose directions the rotation aligns.
 pub fn translation_lines(
-    pair: &PairEvidence<'_>,
     candidates: &[Candidate],
     target_from_source: &UnitQuaternion<f64>,
 ) -> Vec<TranslationLine> {
@@ -59,12 +58,11 @@ pub fn translation_lines(
         if sine > MAX_ANGLE_RAD.min(0.02 + 3.0 * candidate.sigma_angle_rad) {
             continue;
         }
-        let Some((target, source)) = pair.pair(candidate) else { continue };
         lines.push(TranslationLine {
             candidate: idx,
-            point_m: target.middle_m().coords - rotation * source.middle_m().coords,
+            point_m: candidate.target_middle_m - rotation * candidate.source_middle_m,
             direction,
-            sigma_position_m: target.sigma_position_m.hypot(source.sigma_position_m),
+            sigma_position_m: candidate.sigma_position_m,
             sigma_angle_rad: candidate.sigma_angle_rad,
         });
     }

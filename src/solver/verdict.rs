@@ -9,7 +9,6 @@ use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
 
 use super::association::{Match, Scene};
 use super::consensus::{Hypothesis, Ranking};
-use super::free_space::FreeSpace;
 use super::refine::{Refined, refine};
 use super::result::{Reason, ReasonCode, State};
 
@@ -45,8 +44,6 @@ impl Default for VerdictLimits {
 
 /// Halves may differ by this many joint standard deviations (squared; 99.9 % for six degrees of freedom is 22.5).
 const MAX_HALVES_DISTANCE2: f64 = 30.0;
-/// More violated samples than this are needed to speak of a contradiction.
-const MIN_COMPARED: usize = 40;
 
 /// What a verdict is based on.
 pub struct Bench<'a> {
@@ -54,15 +51,13 @@ pub struct Bench<'a> {
     pub scene: Scene<'a>,
     /// The ranked poses.
     pub ranking: &'a Ranking,
-    /// Contradictions of free space under the best pose.
-    pub free_space: FreeSpace,
     /// Limits.
     pub limits: VerdictLimits,
 }
 
 /// Judges the best pose of a ranking: `Converged` without a reason, or another state with one.
 pub fn judge(bench: &Bench<'_>) -> (State, Option<Reason>) {
-    let checks = [evidence, contradiction, lead, observability, halves];
+    let checks = [evidence, lead, observability, halves];
     match checks.iter().find_map(|check| check(bench)) {
         Some((state, reason)) => (state, Some(reason)),
         None => (State::Converged, None),
@@ -92,20 +87,6 @@ fn evidence(bench: &Bench<'_>) -> Objection {
          move the rig and show more straight edges that run through both cameras"
     );
     object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence)
-}
-
-fn contradiction(bench: &Bench<'_>) -> Objection {
-    let share = bench.free_space.violated_share();
-    if bench.free_space.compared < MIN_COMPARED || share <= bench.limits.max_free_space_violated {
-        return None;
-    }
-    let sentence = format!(
-        "with the best pose {:.0} % of {} surface samples would lie in space that the other camera saw through: show other \
-         scenes, and check that depth is registered to colour",
-        100.0 * share,
-        bench.free_space.compared
-    );
-    object(State::Ambiguous, ReasonCode::FreeSpaceViolated, sentence)
 }
 
 fn lead(bench: &Bench<'_>) -> Objection {

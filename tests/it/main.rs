@@ -1,3 +1,15 @@
-//! Everything that is tested from outside, as one program.
+//! The one integration binary: the library from outside, one module per subject.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "clippy's leave for tests stops at #[test]"
+)]
 
+mod bad_recording;
+mod fixture;
+mod frame_source;
 mod pipeline;
+mod replay;
+mod scripted;
+mod writer;

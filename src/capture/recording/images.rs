@@ -45,8 +45,6 @@ pub(super) fn read_color(
     if format == ImageFormat::Jpeg && !is_whole_jpeg(&bytes) {
         return Err(CaptureError::bad_data(&file, "the image is truncated: the end mark of JPEG is missing"));
     }
-    let (width, height) = size_px(camera);
-    rgb.resize(3 * width * height, 0);
     decode(&Source { file: &file, bytes: &bytes, format, camera, wanted: ColorType::Rgb8 }, rgb)
 }
 
@@ -59,10 +57,9 @@ pub(super) fn read_depth(
 ) -> Result<(), CaptureError> {
     let file = camera_folder.join(DEPTH_FOLDER).join(format!("{}.png", stamp.0));
     let bytes = read_file(&file, max_file_bytes(camera, 2))?.ok_or_else(|| missing(&file, ""))?;
-    let (width, height) = size_px(camera);
     let source =
         Source { file: &file, bytes: &bytes, format: ImageFormat::Png, camera, wanted: ColorType::L16 };
-    let mut counts = vec![0u8; 2 * width * height];
+    let mut counts = Vec::new();
     decode(&source, &mut counts)?;
     depth.clear();
     depth.extend(counts.as_chunks().0.iter().map(|pair| u16::from_ne_bytes(*pair)));
@@ -78,8 +75,8 @@ struct Source<'a> {
     wanted: ColorType,
 }
 
-/// Decodes into `pixels`, whose length is that of the wanted type and size.
-fn decode(source: &Source<'_>, pixels: &mut [u8]) -> Result<(), CaptureError> {
+/// Decodes into `pixels`, once the header is known to say the wanted type and size.
+fn decode(source: &Source<'_>, pixels: &mut Vec<u8>) -> Result<(), CaptureError> {
     let unreadable = |error: image::ImageError| {
         CaptureError::bad_data(source.file, format!("the image is truncated or damaged: {error}"))
     };
@@ -97,6 +94,8 @@ fn decode(source: &Source<'_>, pixels: &mut [u8]) -> Result<(), CaptureError> {
         let what = format!("the image is {}; {} is allowed here", in_words(found), in_words(source.wanted));
         return Err(CaptureError::bad_data(source.file, what));
     }
+    let (width, height) = size_px(source.camera);
+    pixels.resize(width * height * usize::from(found.bytes_per_pixel()), 0);
     decoder.read_image(pixels).map_err(unreadable)
 }
 

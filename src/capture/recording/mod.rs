@@ -5,6 +5,8 @@
 
 mod images;
 mod sections;
+#[cfg(test)]
+mod tests;
 mod truth;
 
 use std::fs;

@@ -69,7 +69,9 @@ impl DeviceFactory for ScriptedFactory {
     fn open(&self, serial: &str) -> Result<Box<dyn FrameSource>, CaptureError> {
         let device = self.devices.get(serial).cloned().unwrap_or_default();
         if !device.try_open() {
-            return Err(CaptureError::not_found(serial, &self.list()?));
+            let mut there = self.list()?;
+            there.retain(|info| info.serial != serial);
+            return Err(CaptureError::not_found(serial, &there));
         }
         let inner = self.inner.open(serial)?;
         Ok(Box::new(ScriptedSource {
@@ -176,9 +178,9 @@ impl ScriptedSource {
         self.entered = Some(number);
         for fault in self.device.script.faults(&info.serial, number) {
             match fault {
-                Fault::Stall { timeouts } => self.stalls_left += timeouts,
-                Fault::StampJump { by_ns } => self.clock_gap_ns += by_ns,
-                Fault::ClockWrap => self.clock_gap_ns -= CLOCK_WRAP_NS,
+                Fault::Stall { timeouts } => self.stalls_left = self.stalls_left.saturating_add(timeouts),
+                Fault::StampJump { by_ns } => self.clock_gap_ns = self.clock_gap_ns.saturating_add(by_ns),
+                Fault::ClockWrap => self.clock_gap_ns = self.clock_gap_ns.saturating_sub(CLOCK_WRAP_NS),
                 Fault::Unplug(replug) => {
                     self.is_unplugged = true;
                     *self.device.away() = Some(Away { since: Instant::now(), attempts: 0, replug });
