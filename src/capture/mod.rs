@@ -8,6 +8,7 @@ pub mod recording;
 pub mod replay;
 pub mod scripted;
 pub mod writer;
+pub mod synthetic;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
