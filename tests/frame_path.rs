@@ -1,5 +1,8 @@
 //! What needs a process of its own: allocations and threads of the running pipeline.
-#![allow(unsafe_code, reason = "a counting allocator is the only way to see allocations, and `GlobalAlloc` is unsafe")]
+#![allow(
+    unsafe_code,
+    reason = "a counting allocator is the only way to see allocations, and `GlobalAlloc` is unsafe"
+)]
 #![allow(clippy::expect_used, clippy::panic, reason = "clippy's leave for tests stops at #[test]")]
 
 #[allow(dead_code, reason = "each program uses its part of the fake cameras")]

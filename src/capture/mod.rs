@@ -7,8 +7,8 @@ pub mod frame;
 pub mod recording;
 pub mod replay;
 pub mod scripted;
-pub mod writer;
 pub mod synthetic;
+pub mod writer;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
