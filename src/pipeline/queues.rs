@@ -10,12 +10,13 @@ use crossbeam_queue::ArrayQueue;
 
 use super::buffers::{FrameSlot, LineSet, LineSlot};
 
-/// Frame sets in the line stage at a time: one being worked on, one ready for the thread that is done first.
-pub(super) const MAX_SETS_IN_FLIGHT: usize = 2;
-/// Frames between a capture thread and the sync thread.
-const CAPTURE_QUEUE: usize = 2;
-/// Frames the sync thread keeps per camera: 100 ms of waiting at 30 fps, and one.
-pub(super) const SYNC_QUEUE: usize = 4;
+/// Frame sets in the line stage at a time: with the one that is pending, a busy machine may pause it for 160 ms at 30 fps before a set
+/// is dropped; in an overload it is also what a frame may have to wait for.
+pub(super) const MAX_SETS_IN_FLIGHT: usize = 4;
+/// Frames between a capture thread and the sync thread: a pause of 130 ms at 30 fps.
+const CAPTURE_QUEUE: usize = 4;
+/// Frames the sync thread keeps per camera: a full capture queue on top of one frame that waits for its partner, and one.
+pub(super) const SYNC_QUEUE: usize = CAPTURE_QUEUE + 2;
 /// Line sets waiting for the estimator.
 const ESTIMATE_QUEUE: usize = 4;
 /// Frames per camera: queued, matched, pending, in flight, and one in the capture thread's hands, with one to spare.

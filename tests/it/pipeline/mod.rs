@@ -221,9 +221,9 @@ fn sets_that_the_line_stage_is_too_slow_for_are_counted() {
     let bench = Bench::start(cameras, parts);
     let counts = bench.wait_for_counts("drops", |counts| counts.dropped_sets > 20 && counts.sets_done > 5);
     assert!(counts.dropped_frames * 4 < counts.frames, "sync must not wait for the line stage: {counts:?}");
-    // Two in flight and one pending; the counts are not read at one moment, so it may take several looks.
+    // Four in flight and one pending; the counts are not read at one moment, so it may take several looks.
     bench.wait_for_counts("every set is accounted for", |counts| {
-        counts.sets_formed.abs_diff(counts.sets_done + counts.dropped_sets) <= 3
+        counts.sets_formed.abs_diff(counts.sets_done + counts.dropped_sets) <= 5
     });
 }
 
