@@ -17,7 +17,10 @@ mod tests {
     #[test]
     fn gray_stays_gray_and_colours_weigh_as_the_eye_does() {
         let mut gray = vec![7; 3];
-        gray_from_rgb(&[0, 0, 0, 255, 255, 255, 100, 100, 100, 255, 0, 0, 0, 255, 0, 0, 0, 255, 9], &mut gray);
+        gray_from_rgb(
+            &[0, 0, 0, 255, 255, 255, 100, 100, 100, 255, 0, 0, 0, 255, 0, 0, 0, 255, 9],
+            &mut gray,
+        );
         assert_eq!(gray, [0, 255, 100, 77, 149, 29]);
     }
 

@@ -87,8 +87,7 @@ pub fn split(chain: &[EdgePoint], fragments: &mut Vec<Fragment>) {
         match grow_piece(chain, start) {
             Some((last, line)) => {
                 if fragments.len() < fragments.capacity() {
-                    fragments
-                        .push(Fragment { start: line.foot(chain[start]), end: line.foot(chain[last]) });
+                    fragments.push(Fragment { start: line.foot(chain[start]), end: line.foot(chain[last]) });
                 }
                 start = last + 1;
             }

@@ -157,14 +157,14 @@ impl Grower {
     fn sigma_across_px(&self, track: &Track) -> f64 {
         let distance = |sample: &Sample| (sample.v - track.at(sample.u)) / track.stretch();
         let n = self.samples.len() as f64;
-        let variance = self.samples.iter().map(|sample| distance(sample).powi(2)).sum::<f64>() / (n - 2.0).max(1.0);
+        let variance =
+            self.samples.iter().map(|sample| distance(sample).powi(2)).sum::<f64>() / (n - 2.0).max(1.0);
         // The end of a regression line over evenly spread samples has four times the variance of their mean.
         let from_samples = 4.0 * variance * CORRELATION_PX / n;
         let blocks = self.samples.chunks_exact(BLOCK);
         let n_blocks = blocks.len() as f64;
-        let block_sum: f64 = blocks
-            .map(|block| (block.iter().map(distance).sum::<f64>() / BLOCK as f64).powi(2))
-            .sum();
+        let block_sum: f64 =
+            blocks.map(|block| (block.iter().map(distance).sum::<f64>() / BLOCK as f64).powi(2)).sum();
         let from_blocks = if n_blocks > 3.0 { 4.0 * block_sum / (n_blocks - 2.0) / n_blocks } else { 0.0 };
         (from_samples.max(from_blocks) + SIGMA_FLOOR_PX * SIGMA_FLOOR_PX).sqrt()
     }

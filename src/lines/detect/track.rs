@@ -84,7 +84,11 @@ impl Track {
             return None;
         }
         let (u, v) = (u as usize, v as usize);
-        Some(if self.along_x { (v * gradient.width + u, gradient.width) } else { (u * gradient.width + v, 1) })
+        Some(if self.along_x {
+            (v * gradient.width + u, gradient.width)
+        } else {
+            (u * gradient.width + v, 1)
+        })
     }
 
     /// The edge at u: the ridge of the gradient along the normal within reach of the line, if it points the right way.
@@ -115,8 +119,11 @@ impl Track {
         let predicted = self.at(u as f64);
         let v = predicted.round() + f64::from(from_middle);
         let distance = (v - predicted).abs() as f32 / self.stretch() as f32;
-        (peak >= MIN_COSINE * norm && distance <= REACH_PX)
-            .then(|| Sample { u: u as f64, v, weight: weight(f64::from(peak)) })
+        (peak >= MIN_COSINE * norm && distance <= REACH_PX).then(|| Sample {
+            u: u as f64,
+            v,
+            weight: weight(f64::from(peak)),
+        })
     }
 
     /// The robust least-squares line through samples, starting from this one; `None` where they do not fix a line.
