@@ -11,7 +11,7 @@ use nalgebra::{Matrix2, Matrix4, Vector4};
 use crate::geometry::{Camera, DepthFit, EdgeSide, LineObservation, Segment};
 use crate::image::DepthView;
 use band::{Band, MAX_BINS, Reading};
-use fit::{Agreement, Shape, least_squares};
+use fit::{Agreement, Gate, Shape, least_squares};
 use plane::Plane;
 
 /// Short segments have no direction worth lifting, px.
@@ -20,6 +20,8 @@ const MIN_LENGTH_PX: f64 = 4.0;
 const MIN_INLIERS: f64 = 20.0;
 /// Gate of the fits, in standard deviations of a reading.
 const GATE_SIGMAS: f64 = 3.0;
+/// The same for the median of a cell, which has about half the deviation of a reading.
+const CELL_GATE_SIGMAS: f64 = 2.0;
 /// Two sides agree within so many standard deviations of their difference ...
 const AGREE_SIGMAS: f64 = 3.0;
 /// ... and this share of the inverse depth (depth bends by about this much beside an edge).
@@ -130,12 +132,14 @@ impl Lifter {
     /// The plane beside the edge that most readings agree with; `None` where too few do.
     fn fit_side(&self, band: &Band, length_px: f64) -> Option<Side> {
         let typical_per_m = median_inverse_depth(&band.cells)?;
-        let gate_per_m = GATE_SIGMAS * self.expected_sigma_per_m(typical_per_m);
-        let plane = plane::consensus(&band.cells, gate_per_m)?;
+        let sigma_per_m = self.expected_sigma_per_m(typical_per_m);
+        let gate =
+            Gate { reading_per_m: GATE_SIGMAS * sigma_per_m, cell_per_m: CELL_GATE_SIGMAS * sigma_per_m };
+        let plane = plane::consensus(&band.cells, gate.cell_per_m)?;
         // Twice: the first plane goes through three cells only.
-        let rough = Agreement::with(&plane, band, gate_per_m);
+        let rough = Agreement::with(&plane, band, gate);
         let plane = plane_of(&least_squares([&rough].into_iter(), Shape::Plane)?.surface);
-        let agreement = Agreement::with(&plane, band, gate_per_m);
+        let agreement = Agreement::with(&plane, band, gate);
         if agreement.n < MIN_INLIERS {
             return None;
         }
@@ -224,7 +228,9 @@ const SLOW_LENGTH_PX: f64 = 35.0;
 /// lengths beyond the band's width, which moves the two ends.
 fn covariance(unit_covariance: &Matrix4<f64>, sigma_per_m: f64, length_px: f64) -> Matrix4<f64> {
     let variance = sigma_per_m * sigma_per_m;
-    let mut covariance = unit_covariance * ((1.0 - SLOW_SHARE) * variance * QUICK_AREA_PX2);
+    // Pixels that each reading stands for.
+    let n_skipped = band::column_step(length_px) as f64;
+    let mut covariance = unit_covariance * ((1.0 - SLOW_SHARE) * variance * QUICK_AREA_PX2 / n_skipped);
     // A mean and a tilt from n independent pieces: the tilt moves each end by 3/n, and cannot be told with one piece.
     let n = 1.0 + length_px / SLOW_LENGTH_PX;
     let (mean, tilt) = (1.0 / n, 3.0 / n * (1.0 - 1.0 / n));

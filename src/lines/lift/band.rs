@@ -12,6 +12,8 @@ pub const ZONES: usize = 4;
 const OUTER_PX: f64 = INNER_PX + ZONE_PX * ZONES as f64;
 /// Most cells along the edge.
 pub const MAX_BINS: usize = 12;
+/// Segments longer than this are read every other column, than twice this every third, px.
+const LONG_PX: f64 = 100.0;
 /// Length of a cell, px, where the segment is short enough for it.
 const BIN_PX: f64 = 10.0;
 /// Readings a cell keeps for its median.
@@ -99,6 +101,11 @@ fn share_along(from: RayPoint, to: RayPoint, point: RayPoint) -> f64 {
     ((point.x - from.x) * dx + (point.y - from.y) * dy) / (dx * dx + dy * dy)
 }
 
+/// Every how many columns a segment of this length is read: neighbours are correlated, so that long segments lose little.
+pub fn column_step(length_px: f64) -> usize {
+    1 + (length_px / LONG_PX) as usize
+}
+
 /// Replaces the bands on the left and on the right of `segment`, whose length is positive.
 pub fn read(bands: &mut [Band; 2], segment: &Segment, depth: &DepthView<'_>, camera: &Camera) {
     let frame = Frame::new(segment, camera);
@@ -110,8 +117,9 @@ pub fn read(bands: &mut [Band; 2], segment: &Segment, depth: &DepthView<'_>, cam
     let first = frame.start[major];
     let last = first + frame.direction[major] * frame.length_px;
     let reach = (OUTER_PX / frame.direction[major].abs()).ceil() as i64;
-    for u in first.min(last).ceil() as i64..=first.max(last).floor() as i64 {
-        let middle = (frame.start[minor] + slope * (u as f64 - first)).round() as i64;
+    let columns = first.min(last).ceil() as i64..=first.max(last).floor() as i64;
+    for u in columns.step_by(column_step(frame.length_px)) {
+        let middle = (frame.start[minor] + slope * (u as f64 - first) + 0.5).floor() as i64;
         for v in middle - reach..=middle + reach {
             let (x, y) = if along_x { (u, v) } else { (v, u) };
             let (s, across_px) = frame.locate(x as f64, y as f64);

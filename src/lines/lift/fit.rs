@@ -16,6 +16,15 @@ pub enum Shape {
     Crease,
 }
 
+/// How far from a plane depth may lie to agree with it, 1/m.
+#[derive(Debug, Clone, Copy)]
+pub struct Gate {
+    /// A single reading.
+    pub reading_per_m: f64,
+    /// The median of a cell: less noisy, so it tells surfaces apart whose readings overlap.
+    pub cell_per_m: f64,
+}
+
 /// Sums over the agreeing readings of a cell.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
@@ -40,16 +49,19 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// The readings within `gate_per_m` of `plane`.
-    pub fn with(plane: &Plane, band: &Band, gate_per_m: f64) -> Self {
+    /// The readings within the gate of `plane`, in cells whose median is.
+    pub fn with(plane: &Plane, band: &Band, gate: Gate) -> Self {
         let sums = [Sums::default(); ZONES * MAX_BINS];
         let mut found = Self { sums, sum_per_m2: 0.0, n: 0.0, n_near: [0.0; 2], covered: 0 };
+        let mut is_open = [false; ZONES * MAX_BINS];
+        for cell in &band.cells {
+            is_open[usize::from(cell.cell)] = plane.residual(cell).abs() <= gate.cell_per_m;
+        }
         for reading in &band.readings {
-            let residual_per_m = plane.residual(reading);
-            let agrees = residual_per_m.abs() <= gate_per_m;
             let is_near = reading.across_px.abs() <= RATIO_BAND_PX;
             found.n_near[0] += f64::from(u8::from(is_near));
-            if agrees {
+            let residual_per_m = plane.residual(reading);
+            if is_open[usize::from(reading.cell)] && residual_per_m.abs() <= gate.reading_per_m {
                 found.add(reading, residual_per_m);
                 if is_near {
                     found.n_near[1] += 1.0;
