@@ -220,9 +220,9 @@ fn median_inverse_depth(cells: &[Reading]) -> Option<f64> {
 /// Share of the noise's variance with a long correlation.
 const SLOW_SHARE: f64 = 0.15;
 /// Pixels per independent reading of the quick part of the noise (stereo matching windows overlap).
-const QUICK_AREA_PX2: f64 = 15.0;
+const QUICK_AREA_PX2: f64 = 24.0;
 /// Length per independent reading of the slow part, px.
-const SLOW_LENGTH_PX: f64 = 35.0;
+const SLOW_LENGTH_PX: f64 = 55.0;
 
 /// Covariance of a surface from readings whose noise is correlated: a quick part over some pixels and a slow part over
 /// lengths beyond the band's width, which moves the two ends.
