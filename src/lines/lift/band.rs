@@ -72,6 +72,8 @@ struct Frame {
     start: [f64; 2],
     direction: [f64; 2],
     length_px: f64,
+    /// Direction over length: share of the way per px.
+    share_per_px: [f64; 2],
     /// Bend of `along` by lens distortion: `along = s + bend s (1 - s)` with `s` linear in the image.
     bend: f64,
 }
@@ -84,13 +86,14 @@ impl Frame {
         let middle = crate::geometry::PixelPoint { x: 0.5 * (start.x + end.x), y: 0.5 * (start.y + end.y) };
         let [from, half, to] = [start, middle, end].map(|pixel| camera.ray_from_pixel(pixel));
         let bend = 4.0 * (share_along(from, to, half) - 0.5);
-        Self { start: [start.x, start.y], direction, length_px, bend }
+        let share_per_px = direction.map(|component| component / length_px);
+        Self { start: [start.x, start.y], direction, length_px, share_per_px, bend }
     }
 
     /// Share of the way along and px across (right hand positive) of a pixel.
     fn locate(&self, x: f64, y: f64) -> (f64, f64) {
         let (dx, dy) = (x - self.start[0], y - self.start[1]);
-        let s = (dx * self.direction[0] + dy * self.direction[1]) / self.length_px;
+        let s = dx * self.share_per_px[0] + dy * self.share_per_px[1];
         (s, dy * self.direction[0] - dx * self.direction[1])
     }
 }
