@@ -3,23 +3,25 @@
 //! On each side of the segment a plane is fitted robustly to inverse depth and evaluated at the edge. Where both sides
 //! agree the edge is a crease or a marking and both count; else the nearer side owns the edge.
 mod band;
+mod fit;
 mod plane;
 
-use nalgebra::{Matrix2, Matrix4};
+use nalgebra::{Matrix2, Matrix4, Vector4};
 
 use crate::geometry::{Camera, DepthFit, EdgeSide, LineObservation, Segment};
 use crate::image::DepthView;
 use band::{Band, MAX_BINS, Reading};
-use plane::{Shape, Surface, SurfaceFit, least_squares, residual};
+use fit::{Agreement, Gate, Shape, least_squares};
+use plane::Plane;
 
 /// Short segments have no direction worth lifting, px.
 const MIN_LENGTH_PX: f64 = 4.0;
-/// Readings farther from the edge do not enter the inlier ratio, px.
-const RATIO_BAND_PX: f64 = 4.75;
 /// Least number of agreeing readings.
-const MIN_INLIERS: usize = 20;
+const MIN_INLIERS: f64 = 20.0;
 /// Gate of the fits, in standard deviations of a reading.
 const GATE_SIGMAS: f64 = 3.0;
+/// The same for the median of a cell, which has about half the deviation of a reading.
+const CELL_GATE_SIGMAS: f64 = 2.0;
 /// Two sides agree within so many standard deviations of their difference ...
 const AGREE_SIGMAS: f64 = 3.0;
 /// ... and this share of the inverse depth (depth bends by about this much beside an edge).
@@ -53,48 +55,30 @@ impl Default for LiftOptions {
 #[derive(Debug)]
 pub struct Lifter {
     options: LiftOptions,
-    band: Band,
+    /// Left and right of the segment in work.
+    bands: [Band; 2],
 }
 
-/// Which readings belong to which kind of surface.
+/// The surface on one side of an edge.
 #[derive(Debug, Clone, Copy)]
-struct Model {
-    side: EdgeSide,
-    shape: Shape,
-    surface: Surface,
-}
-
-/// A fit to all agreeing readings of a model.
-#[derive(Debug, Clone, Copy)]
-struct Fitted {
-    model: Model,
+struct Side {
+    plane: Plane,
     covariance: Matrix4<f64>,
-    sigma_per_m: f64,
-    n_inliers: usize,
+    agreement: Agreement,
 }
 
-impl Model {
-    fn owns(&self, reading: &Reading) -> bool {
-        match self.side {
-            EdgeSide::Left => reading.across_px < 0.0,
-            EdgeSide::Right => reading.across_px > 0.0,
-            EdgeSide::Both => true,
-        }
-    }
-
-    fn agrees(&self, reading: &Reading, gate_per_m: f64) -> bool {
-        self.owns(reading) && residual(&self.surface, reading, self.shape).abs() <= gate_per_m
-    }
-
-    fn mean_per_m(&self) -> f64 {
-        0.5 * (self.surface[0] + self.surface[1])
-    }
+/// A surface that owns the edge.
+#[derive(Debug, Clone, Copy)]
+struct Owner {
+    side: EdgeSide,
+    ends_per_m: [f64; 2],
+    covariance: Matrix4<f64>,
 }
 
 impl Lifter {
     /// A lifter with the given options.
     pub fn new(options: LiftOptions) -> Self {
-        Self { options, band: Band::default() }
+        Self { options, bands: Default::default() }
     }
 
     /// Replaces `lines` by one observation per segment, in the same order; `depth` is `None` where too little depth agrees.
@@ -123,14 +107,21 @@ impl Lifter {
         if !(length_px >= MIN_LENGTH_PX && length_px < 1e5) {
             return None;
         }
-        self.band.read(segment, depth, camera);
-        let left = self.fit_side(EdgeSide::Left, length_px);
-        let right = self.fit_side(EdgeSide::Right, length_px);
-        let fitted = match (left, right) {
-            (Some(left), Some(right)) => self.join(&left, &right, length_px),
-            (one, other) => one.or(other)?,
-        };
-        self.accepted(&fitted)
+        band::read(&mut self.bands, segment, depth, camera);
+        let [left, right] = [0, 1].map(|side| self.fit_side(&self.bands[side], length_px));
+        match (&left, &right) {
+            (Some(left), Some(right)) => match self.meeting(left, right, length_px) {
+                Some(both) => self.accepted(&both, &[&left.agreement, &right.agreement]),
+                // At an occluding edge the nearer surface ends.
+                None if left.plane.mean_per_m() >= right.plane.mean_per_m() => {
+                    self.alone(EdgeSide::Left, left)
+                }
+                None => self.alone(EdgeSide::Right, right),
+            },
+            (Some(left), None) => self.alone(EdgeSide::Left, left),
+            (None, Some(right)) => self.alone(EdgeSide::Right, right),
+            (None, None) => None,
+        }
     }
 
     /// Noise of a single reading at this inverse depth, 1/m, before the residuals are known.
@@ -138,109 +129,89 @@ impl Lifter {
         self.options.sigma_inverse_depth_per_m.hypot(self.options.relative_systematic * inverse_depth_per_m)
     }
 
-    fn fit_side(&self, side: EdgeSide, length_px: f64) -> Option<Fitted> {
-        let cells = &self.band.cells[usize::from(side == EdgeSide::Right)];
-        let typical_per_m = median_inverse_depth(cells)?;
-        let tolerance_per_m = GATE_SIGMAS * self.expected_sigma_per_m(typical_per_m);
-        let surface = plane::consensus(cells, tolerance_per_m)?;
-        self.refine(Model { side, shape: Shape::Plane, surface }, length_px)
-    }
-
-    /// Least squares over the readings that agree, repeated as the set of those settles.
-    fn refine(&self, mut model: Model, length_px: f64) -> Option<Fitted> {
-        let mut fit: Option<SurfaceFit> = None;
-        let gate = |model: &Model| GATE_SIGMAS * self.expected_sigma_per_m(model.mean_per_m());
-        for _ in 0..2 {
-            let gate_per_m = gate(&model);
-            let agreeing = self.band.readings.iter().filter(|reading| model.agrees(reading, gate_per_m));
-            let again = least_squares(agreeing, model.shape)?;
-            model.surface = again.surface;
-            fit = Some(again);
-        }
-        let gate_per_m = gate(&model);
-        let (mut n_inliers, mut sum) = (0, 0.0);
-        for reading in self.band.readings.iter().filter(|reading| model.agrees(reading, gate_per_m)) {
-            n_inliers += 1;
-            sum += residual(&model.surface, reading, model.shape).powi(2);
-        }
-        if n_inliers < MIN_INLIERS {
+    /// The plane beside the edge that most readings agree with; `None` where too few do.
+    fn fit_side(&self, band: &Band, length_px: f64) -> Option<Side> {
+        let typical_per_m = median_inverse_depth(&band.cells)?;
+        let sigma_per_m = self.expected_sigma_per_m(typical_per_m);
+        let gate =
+            Gate { reading_per_m: GATE_SIGMAS * sigma_per_m, cell_per_m: CELL_GATE_SIGMAS * sigma_per_m };
+        let plane = plane::consensus(&band.cells, gate.cell_per_m)?;
+        // Twice: the first plane goes through three cells only.
+        let rough = Agreement::with(&plane, band, gate);
+        let plane = plane_of(&least_squares([&rough].into_iter(), Shape::Plane)?.surface);
+        let agreement = Agreement::with(&plane, band, gate);
+        if agreement.n < MIN_INLIERS {
             return None;
         }
-        let sigma_per_m = (sum / n_inliers as f64).sqrt().max(self.options.sigma_inverse_depth_per_m);
-        let covariance = covariance(&fit?.unit_covariance, sigma_per_m, length_px);
-        Some(Fitted { model, covariance, sigma_per_m, n_inliers })
+        let fit = least_squares([&agreement].into_iter(), Shape::Plane)?;
+        let covariance = covariance(&fit.unit_covariance, self.sigma_per_m(&[&agreement]), length_px);
+        Some(Side { plane: plane_of(&fit.surface), covariance, agreement })
     }
 
-    /// One fit out of two sides: both where they meet at the edge, else the nearer.
-    fn join(&self, left: &Fitted, right: &Fitted, length_px: f64) -> Fitted {
-        let nearer = if left.model.mean_per_m() >= right.model.mean_per_m() { left } else { right };
+    /// Standard deviation of a reading: what the residuals say, but not less than the sensor's.
+    fn sigma_per_m(&self, sides: &[&Agreement]) -> f64 {
+        let sum: f64 = sides.iter().map(|side| side.sum_per_m2).sum();
+        let n: f64 = sides.iter().map(|side| side.n).sum();
+        (sum / n).sqrt().max(self.options.sigma_inverse_depth_per_m)
+    }
+
+    /// The edge where two sides meet, as a crease or a marking; `None` where one lies behind the other.
+    fn meeting(&self, left: &Side, right: &Side, length_px: f64) -> Option<Owner> {
         let meets = |end: usize| {
-            let gap = (left.model.surface[end] - right.model.surface[end]).abs();
+            let (a, b) = (left.plane.ends_per_m[end], right.plane.ends_per_m[end]);
             let variance = left.covariance[(end, end)] + right.covariance[(end, end)];
-            gap <= AGREE_SIGMAS * variance.sqrt() + AGREE_RELATIVE * nearer.model.surface[end].abs()
+            (a - b).abs() <= AGREE_SIGMAS * variance.sqrt() + AGREE_RELATIVE * a.max(b)
         };
         if !(meets(0) && meets(1)) {
-            return *nearer;
+            return None;
         }
-        let (a, b) = (left.model.surface, right.model.surface);
-        let surface = Surface::new(0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), a[2], b[2]);
-        let crease = Model { side: EdgeSide::Both, shape: Shape::Crease, surface };
-        let Some(crease) = self.refine(crease, length_px) else { return *nearer };
-        let bend = crease.model.surface[2] - crease.model.surface[3];
-        let c = &crease.covariance;
-        let bend_variance = c[(2, 2)] + c[(3, 3)] - 2.0 * c[(2, 3)];
-        if bend * bend > 9.0 * bend_variance {
-            return crease;
-        }
-        // No crease to be seen: a marking on one plane, which fixes the depth at the edge better.
-        let [start, end, left, right] = crease.model.surface.into();
-        let surface = Surface::new(start, end, 0.5 * (left + right), 0.0);
-        let flat = Model { side: EdgeSide::Both, shape: Shape::Plane, surface };
-        self.refine(flat, length_px).unwrap_or(crease)
+        let sides = [&left.agreement, &right.agreement];
+        let bend = left.plane.slope_per_m_px - right.plane.slope_per_m_px;
+        let bend_variance = left.covariance[(2, 2)] + right.covariance[(2, 2)];
+        // Without a crease to be seen it is a marking on one plane, which fixes the depth at the edge better.
+        let shape = if bend * bend > 9.0 * bend_variance { Shape::Crease } else { Shape::Plane };
+        let fit = least_squares(sides.into_iter(), shape)?;
+        let covariance = covariance(&fit.unit_covariance, self.sigma_per_m(&sides), length_px);
+        Some(Owner { side: EdgeSide::Both, ends_per_m: plane_of(&fit.surface).ends_per_m, covariance })
     }
 
-    /// The fit as a result; `None` where too few readings agree or they cover too little of the segment.
-    fn accepted(&self, fitted: &Fitted) -> Option<DepthFit> {
-        let model = &fitted.model;
-        let gate_per_m = GATE_SIGMAS * fitted.sigma_per_m.max(self.expected_sigma_per_m(model.mean_per_m()));
-        let mut covered = [false; MAX_BINS];
-        let (mut n_near, mut n_agreeing) = (0_u32, 0_u32);
-        for reading in self.band.readings.iter().filter(|reading| model.owns(reading)) {
-            if reading.across_px.abs() > RATIO_BAND_PX {
-                continue;
-            }
-            n_near += 1;
-            if model.agrees(reading, gate_per_m) {
-                n_agreeing += 1;
-                covered[usize::from(reading.bin)] = true;
-            }
-        }
-        let inlier_ratio = f64::from(n_agreeing) / f64::from(n_near.max(1));
-        let coverage = covered.iter().filter(|&&bin| bin).count() as f64 / self.band.n_bins as f64;
-        let [start_per_m, end_per_m] = [model.surface[0], model.surface[1]];
+    fn alone(&self, side: EdgeSide, fit: &Side) -> Option<DepthFit> {
+        let owner = Owner { side, ends_per_m: fit.plane.ends_per_m, covariance: fit.covariance };
+        self.accepted(&owner, &[&fit.agreement])
+    }
+
+    /// The owner's depth as a result; `None` where too few readings agree or they cover too little of the segment.
+    fn accepted(&self, owner: &Owner, sides: &[&Agreement]) -> Option<DepthFit> {
+        let near = [0, 1].map(|i| sides.iter().map(|side| side.n_near[i]).sum::<f64>());
+        let inlier_ratio = near[1] / near[0].max(1.0);
+        let covered = sides.iter().fold(0, |bins, side| bins | side.covered).count_ones();
+        let coverage = f64::from(covered) / self.bands[0].n_bins as f64;
+        let [start_per_m, end_per_m] = owner.ends_per_m;
         let usable = start_per_m > 0.0 && end_per_m > 0.0;
         if !usable || inlier_ratio < self.options.min_inlier_ratio || coverage < self.options.min_coverage {
             return None;
         }
-        let systematic = Matrix2::from_diagonal(&nalgebra::Vector2::new(
-            (self.options.relative_systematic * start_per_m).powi(2),
-            (self.options.relative_systematic * end_per_m).powi(2),
-        ));
+        let systematic = owner.ends_per_m.map(|end| (self.options.relative_systematic * end).powi(2));
         Some(DepthFit {
-            inverse_depth_per_m: [start_per_m, end_per_m],
-            covariance_per_m2: fitted.covariance.fixed_view::<2, 2>(0, 0) + systematic,
+            inverse_depth_per_m: owner.ends_per_m,
+            covariance_per_m2: owner.covariance.fixed_view::<2, 2>(0, 0)
+                + Matrix2::from_diagonal(&systematic.into()),
             inlier_ratio,
-            n_inliers: fitted.n_inliers as u32,
-            side: model.side,
+            n_inliers: sides.iter().map(|side| side.n as u32).sum(),
+            side: owner.side,
         })
     }
 }
 
-fn median_inverse_depth(cells: &[band::Cell]) -> Option<f64> {
+fn plane_of(surface: &Vector4<f64>) -> Plane {
+    Plane { ends_per_m: [surface[0], surface[1]], slope_per_m_px: surface[2] }
+}
+
+fn median_inverse_depth(cells: &[Reading]) -> Option<f64> {
     let mut values = [0.0; band::ZONES * MAX_BINS];
     let values = &mut values[..cells.len()];
     for (value, cell) in values.iter_mut().zip(cells) {
-        *value = cell.reading.inverse_depth_per_m;
+        *value = cell.inverse_depth_per_m;
     }
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
@@ -249,15 +220,17 @@ fn median_inverse_depth(cells: &[band::Cell]) -> Option<f64> {
 /// Share of the noise's variance with a long correlation.
 const SLOW_SHARE: f64 = 0.15;
 /// Pixels per independent reading of the quick part of the noise (stereo matching windows overlap).
-const QUICK_AREA_PX2: f64 = 15.0;
+const QUICK_AREA_PX2: f64 = 24.0;
 /// Length per independent reading of the slow part, px.
-const SLOW_LENGTH_PX: f64 = 35.0;
+const SLOW_LENGTH_PX: f64 = 55.0;
 
 /// Covariance of a surface from readings whose noise is correlated: a quick part over some pixels and a slow part over
 /// lengths beyond the band's width, which moves the two ends.
 fn covariance(unit_covariance: &Matrix4<f64>, sigma_per_m: f64, length_px: f64) -> Matrix4<f64> {
     let variance = sigma_per_m * sigma_per_m;
-    let mut covariance = unit_covariance * ((1.0 - SLOW_SHARE) * variance * QUICK_AREA_PX2);
+    // Pixels that each reading stands for.
+    let n_skipped = band::column_step(length_px) as f64;
+    let mut covariance = unit_covariance * ((1.0 - SLOW_SHARE) * variance * QUICK_AREA_PX2 / n_skipped);
     // A mean and a tilt from n independent pieces: the tilt moves each end by 3/n, and cannot be told with one piece.
     let n = 1.0 + length_px / SLOW_LENGTH_PX;
     let (mean, tilt) = (1.0 / n, 3.0 / n * (1.0 - 1.0 / n));

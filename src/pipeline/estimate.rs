@@ -79,12 +79,16 @@ impl EstimateStage {
         Self { shared, options, make, estimator: None, intrinsics, views, evidence: Evidence::default() }
     }
 
-    /// Forgets the evidence when a new round of collecting has begun.
+    /// Forgets the evidence when a new round of collecting has begun, and what was seen before it.
     fn notice_new_round(&mut self) {
         let round = self.shared.phase.round();
         if self.evidence.round != round {
             self.forget();
             self.evidence.round = round;
+            let queues = &self.shared.queues;
+            while let Some(set) = queues.sets.pop() {
+                queues.recycle_set(set);
+            }
         }
     }
 

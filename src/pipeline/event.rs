@@ -132,7 +132,7 @@ pub struct Solved {
 // Progress is the large one and by far the most frequent: a box would allocate once per frame set.
 #[allow(clippy::large_enum_variant)]
 pub enum PipelineEvent {
-    /// A camera changed its state.
+    /// A camera changed its state. Lost when nobody reads events; the snapshot always has the state.
     Camera {
         /// Index of the camera.
         camera: usize,

@@ -163,20 +163,29 @@ impl<T> Matcher<T> {
             .filter(|stamp| *stamp <= limit)
             .max()
             .unwrap_or(limit);
-        let mut oldest = newest;
-        let mut frames: [Option<Stamped<T>>; MAX_CAMERAS] = std::array::from_fn(|_| None);
-        for camera in 0..self.queues.len() {
-            while self.queues[camera].get(1).is_some_and(|second| second.stamp <= newest) {
-                self.discard(camera, recycle);
-            }
-            if self.head(camera).is_some_and(|stamp| stamp <= newest) {
-                frames[camera] = self.queues[camera].pop_front();
-                self.last_taken[camera] = frames[camera].as_ref().map(|frame| frame.stamp);
-                oldest = oldest.min(self.last_taken[camera].unwrap_or(newest));
-            }
-        }
+        let n_cameras = self.queues.len();
+        let frames: [Option<Stamped<T>>; MAX_CAMERAS] = std::array::from_fn(|camera| {
+            if camera < n_cameras { self.take_nearest(camera, newest, recycle) } else { None }
+        });
         self.lonely = 0;
+        let oldest = frames.iter().flatten().map(|frame| frame.stamp).min().unwrap_or(newest);
         Matched { frames, skew_ns: newest.0.abs_diff(oldest.0) }
+    }
+
+    /// The last frame of a camera up to `newest`; those before it are discarded.
+    fn take_nearest(
+        &mut self,
+        camera: usize,
+        newest: StampNs,
+        recycle: &mut impl FnMut(usize, T),
+    ) -> Option<Stamped<T>> {
+        while self.queues[camera].get(1).is_some_and(|second| second.stamp <= newest) {
+            self.discard(camera, recycle);
+        }
+        self.head(camera).filter(|stamp| *stamp <= newest)?;
+        let frame = self.queues[camera].pop_front()?;
+        self.last_taken[camera] = Some(frame.stamp);
+        Some(frame)
     }
 
     /// Notes that the head of `camera` has no partner near enough; a whole round of these is one refused set.

@@ -12,8 +12,9 @@
 //!   thread estimate       add, solve (nice 10) -------------> PipelineEvent::Calibration
 //! ```
 //!
-//! Down to `publish`, after the first frames nothing is allocated, no lock is taken and no reader is waited for; every queue is lock-free,
-//! bounded, and counts what it drops; buffers go round. A solution takes seconds: sets that come meanwhile are skipped and counted.
+//! Down to the event of `publish`, after the first frames nothing is allocated, no lock is taken and no reader is waited for; every queue
+//! is lock-free, bounded, and counts what it drops; buffers go round. Commands and events are the control path (atomics, and a channel
+//! that drops and counts what its reader is too slow for). A solution takes seconds: sets that come meanwhile are skipped and counted.
 
 mod buffers;
 mod capture_loop;
@@ -26,6 +27,7 @@ pub mod motion;
 pub mod offline;
 mod options;
 mod publish;
+mod queues;
 mod shared;
 mod stage;
 pub mod stats;

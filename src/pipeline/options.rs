@@ -9,7 +9,7 @@ use super::MAX_CAMERAS;
 use super::motion::MotionOptions;
 
 /// Everything that can be chosen about the pipeline.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PipelineOptions {
     /// Segment detection.
     pub detect: DetectOptions,
@@ -25,20 +25,6 @@ pub struct PipelineOptions {
     pub solve: SolveOptions,
     /// Threads of the line stage; 0 takes one per camera, at most one per core.
     pub n_line_threads: usize,
-}
-
-impl Default for PipelineOptions {
-    fn default() -> Self {
-        Self {
-            detect: DetectOptions::default(),
-            lift: LiftOptions::default(),
-            estimate: EstimateOptions::default(),
-            motion: MotionOptions::default(),
-            sync: SyncOptions::default(),
-            solve: SolveOptions::default(),
-            n_line_threads: 0,
-        }
-    }
 }
 
 impl PipelineOptions {

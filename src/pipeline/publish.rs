@@ -7,7 +7,8 @@ use super::MAX_CAMERAS;
 use super::buffers::{LineSet, LineSlot, SetHeader};
 use super::event::{CameraProgress, Phase, PipelineEvent, Progress};
 use super::motion::{Glimpse, MotionOptions, image_speed_px_per_s};
-use super::shared::{MAX_SETS_IN_FLIGHT, Shared};
+use super::queues::MAX_SETS_IN_FLIGHT;
+use super::shared::Shared;
 use super::stage::Stage;
 
 type Slots = [Option<Box<LineSlot>>; MAX_CAMERAS];

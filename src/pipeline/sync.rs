@@ -11,7 +11,8 @@ use super::buffers::{FrameSlot, SetHeader};
 use super::event::CameraState;
 use super::matcher::{MatchOptions, Matched, Matcher, Stamped};
 use super::options::SyncOptions;
-use super::shared::{MAX_SETS_IN_FLIGHT, SYNC_QUEUE, Shared};
+use super::queues::{MAX_SETS_IN_FLIGHT, SYNC_QUEUE};
+use super::shared::{Shared, Waker};
 use super::stage::Stage;
 
 /// Forms frame sets and feeds the line stage.
@@ -111,7 +112,7 @@ impl SyncStage {
             // The queue has room for all frames of all sets in flight.
             drop(queues.jobs.push(slot));
         }
-        self.shared.wakers.lines.iter().for_each(super::shared::Waker::wake);
+        self.shared.wakers.lines.iter().for_each(Waker::wake);
         true
     }
 }

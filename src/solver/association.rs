@@ -1,4 +1,4 @@
-//! Which candidates a pose explains: one-to-one within every frame set, each physical repetition once.
+//! Which candidates a pose explains: one-to-one within every frame set.
 //!
 //! A match gains the logarithm of how much better the pose explains it than chance does: precise agreement of precise lines
 //! counts most, loose agreement of far or extrapolated lines hardly. The sum over all matches is the score of the pose.
@@ -9,7 +9,7 @@ use nalgebra::{Matrix4, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::candidates::{Candidate, PairEvidence};
 use super::residual::{MatchResidual, match_residual};
-use super::translation_vote::TranslationLine;
+use super::translation_vote::{Blur, TranslationLine};
 use crate::geometry::motion::Motion;
 
 /// Agreement worse than this is none: 99.9 % of true matches (chi-square, four degrees of freedom).
@@ -19,7 +19,7 @@ const LOG_CHANCE_VOLUME: f64 = 0.365;
 /// Rooms repeat themselves (parallel edges, equal spacings): chance is likelier than uniform by this much, nats.
 const STRUCTURE_PENALTY: f64 = 4.0;
 /// No single match counts more, nats: one lucky coincidence of precise lines must not outvote several honest ones.
-const MAX_GAIN: f64 = 8.0;
+const MAX_GAIN: f64 = 12.0;
 /// First look, before any covariance: directions within this angle, rad ...
 const NEAR_ANGLE_RAD: f64 = 0.15;
 /// ... and lines within this distance of each other, m, beyond what their noise explains.
@@ -69,7 +69,7 @@ impl Scene<'_> {
         let look = Look::new(target_from_source);
         let is_near = |candidate: &Candidate| {
             let (angle_rad, distance_m, gap_m) = look.apart(candidate);
-            let sigma_m = candidate.sigma_position_m.hypot(candidate.sigma_angle_rad * gap_m);
+            let sigma_m = candidate.sigma_position_m + candidate.sigma_angle_rad * gap_m;
             angle_rad < NEAR_ANGLE_RAD
                 && distance_m < NEAR_DISTANCE_M + NEAR_ANGLE_RAD * gap_m + 5.0 * sigma_m
         };
@@ -87,18 +87,15 @@ impl Scene<'_> {
             .collect();
         found.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.candidate.cmp(&b.candidate)));
         let mut used_lines = BTreeSet::new();
-        let mut used_identities = BTreeSet::new();
         found.retain(|found| {
             let candidate = &self.candidates[found.candidate];
-            let Some((target, source)) = self.pair.pair(candidate) else { return false };
             let (target_key, source_key) =
                 ((candidate.set, false, candidate.target), (candidate.set, true, candidate.source));
             if used_lines.contains(&target_key) || used_lines.contains(&source_key) {
                 return false;
             }
             used_lines.insert(target_key);
-            used_lines.insert(source_key);
-            used_identities.insert((target.identity, source.identity))
+            used_lines.insert(source_key)
         });
         found
     }
@@ -174,18 +171,15 @@ impl Look {
 pub fn coarse_score(
     candidates: &[Candidate],
     lines: &[TranslationLine],
-    translation_m: &Vector3<f64>,
+    (translation_m, blur): (&Vector3<f64>, &Blur),
 ) -> f64 {
-    // Cells of 5 cm and a rotation off by a degree.
-    const TOLERANCE_M: f64 = 0.035;
-    const TOLERANCE_RAD: f64 = 0.015;
     let mut best_of_source: Vec<(f64, u32, u16, u16)> = Vec::new();
     for line in lines {
         let (distance_m, gap_m) = line.distance_and_gap_m(translation_m);
         if distance_m > 0.3 {
             continue;
         }
-        let sigma_m = line.sigma_m(gap_m).hypot(TOLERANCE_M + TOLERANCE_RAD * gap_m);
+        let sigma_m = line.sigma_m(gap_m) + blur.translation_m + blur.rotation_rad * gap_m;
         // Two degrees of freedom, chance uniform over 2 m by 2 m.
         let gain = (4.0 / (2.0 * std::f64::consts::PI * sigma_m * sigma_m)).ln()
             - 0.5 * (distance_m / sigma_m).powi(2)

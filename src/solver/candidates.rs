@@ -49,7 +49,7 @@ pub struct PairEvidence<'a> {
 impl<'a> PairEvidence<'a> {
     /// Target and source lines of one set; `None` when one of the cameras was missing.
     pub fn lines(&self, set: usize) -> Option<(&'a [EvidenceLine], &'a [EvidenceLine])> {
-        let views = self.evidence.sets.get(set)?;
+        let views = &self.evidence.sets.get(set)?.views;
         let target = views.get(self.target)?.as_ref()?;
         let source = views.get(self.source)?.as_ref()?;
         Some((&target.lines, &source.lines))

@@ -7,7 +7,7 @@ use super::candidates::{Candidate, PairEvidence};
 use super::free_space::free_space;
 use super::refine::{Refined, refine};
 use super::rotation_vote::rotation_modes;
-use super::translation_vote::{TranslationGrid, translation_lines};
+use super::translation_vote::{Blur, COARSE, FINE, TranslationGrid, translation_lines};
 use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
@@ -17,19 +17,17 @@ const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
 const MAX_MODES: usize = 200;
 /// Translations tried per rotation, by the rotation's rank: where lines share a room's axes, the true rotation leads, and the
 /// true translation may hide among many peaks of parallel bundles.
-const PEAKS_BY_RANK: [(usize, usize); 3] = [(12, 60), (60, 20), (MAX_MODES, 6)];
+const PEAKS_BY_RANK: [(usize, usize, Blur); 3] = [(6, 800, FINE), (60, 60, COARSE), (MAX_MODES, 12, COARSE)];
 /// Poses refined.
 const MAX_REFINED: usize = 160;
-/// Poses closer than both belong together before refinement.
-const SAME_START_RAD: f64 = 0.02;
-/// See [`SAME_START_RAD`]; m.
-const SAME_START_M: f64 = 0.06;
-/// Poses further apart than either are different answers: nearer ones refine into each other. rad (4 degrees).
-const DIFFERENT_RAD: f64 = 0.07;
-/// See [`DIFFERENT_RAD`]; m.
-const DIFFERENT_M: f64 = 0.15;
-/// How wide matches are looked for while a pose settles.
-const SETTLING: [(f64, f64); 4] = [(0.04, 0.02), (0.02, 0.01), (0.01, 0.005), (0.004, 0.002)];
+/// Of these, the poses that are settled.
+const MAX_SETTLED: usize = 60;
+/// How wide matches are looked for at first: standard deviations of the start, m and rad.
+const DRAWING_IN: [(f64, f64); 2] = [(0.04, 0.02), (0.02, 0.01)];
+/// ... and while a pose settles.
+const SETTLING: [(f64, f64); 2] = [(0.01, 0.005), (0.004, 0.002)];
+/// Three lines fix a pose.
+const MIN_MATCHES: usize = 3;
 
 /// A pose, settled on its matches.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +49,9 @@ pub struct Ranking {
     pub candidates: Vec<Candidate>,
     /// The best pose.
     pub best: Hypothesis,
-    /// The best pose that is really different.
+    /// The best pose that a user would not take for the same calibration.
+    pub neighbour: Option<Hypothesis>,
+    /// The best pose that shares hardly any match with the best.
     pub runner_up: Option<Hypothesis>,
 }
 
@@ -71,7 +71,11 @@ pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Option<Ran
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
     let starts = coarse_poses(&candidates, limits.max_baseline_m);
     let scene = Scene { pair, candidates: &candidates };
-    let mut settled: Vec<Hypothesis> = starts.iter().filter_map(|(pose, _)| settle(&scene, pose)).collect();
+    let mut drawn_in: Vec<Approach<'_>> =
+        starts.iter().filter_map(|(pose, _)| Approach::start(scene, pose)).collect();
+    drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let mut settled: Vec<Hypothesis> =
+        drawn_in.into_iter().take(MAX_SETTLED).filter_map(Approach::settle).collect();
     settled.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut possible = settled.into_iter().filter(|settled| {
         let pose = &settled.refined.target_from_source;
@@ -80,34 +84,53 @@ pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Option<Ran
     });
     let best = possible.next()?;
     let pose = best.refined.target_from_source;
-    let runner_up = possible.find(|other| are_different(&other.refined.target_from_source, &pose));
-    Some(Ranking { candidates, best, runner_up })
+    let others: Vec<Hypothesis> = possible.collect();
+    let best_beyond = |gap: &PoseGap| {
+        others.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
+    };
+    let (neighbour, runner_up) = (best_beyond(&SAME_ANSWER), best_beyond(&SAME_BASIN));
+    Some(Ranking { candidates, best, neighbour, runner_up })
 }
 
-/// Whether two poses are different answers.
-fn are_different(a: &Motion, b: &Motion) -> bool {
-    rotation_gap_rad(a, b) > DIFFERENT_RAD || translation_gap_m(a, b) > DIFFERENT_M
+/// How far apart two poses are at most to count as one.
+struct PoseGap {
+    rotation_rad: f64,
+    translation_m: f64,
+}
+
+/// What a user may take for the same calibration: 0.5 degrees and 15 mm.
+const SAME_ANSWER: PoseGap = PoseGap { rotation_rad: 0.0087, translation_m: 0.015 };
+/// Poses that share most matches, shifted by a few (4 degrees and 15 cm).
+const SAME_BASIN: PoseGap = PoseGap { rotation_rad: 0.07, translation_m: 0.15 };
+/// Starts this close settle on the same pose (1.1 degrees and 6 cm).
+const SAME_START: PoseGap = PoseGap { rotation_rad: 0.02, translation_m: 0.06 };
+
+impl PoseGap {
+    fn is_exceeded(&self, a: &Motion, b: &Motion) -> bool {
+        rotation_gap_rad(a, b) > self.rotation_rad || translation_gap_m(a, b) > self.translation_m
+    }
 }
 
 /// Rotation modes, translation peaks of each, and the best of all by the coarse score.
 fn coarse_poses(candidates: &[Candidate], max_baseline_m: f64) -> Vec<(Motion, f64)> {
-    let mut grid = TranslationGrid::new(max_baseline_m);
+    let modes = rotation_modes(candidates, MAX_MODES);
     let mut poses: Vec<(Motion, f64)> = Vec::new();
-    for (rank, mode) in rotation_modes(candidates, MAX_MODES).into_iter().enumerate() {
-        let max_peaks = PEAKS_BY_RANK.iter().find(|(below, _)| rank < *below).map_or(0, |(_, peaks)| *peaks);
-        let lines = translation_lines(candidates, &mode.target_from_source);
-        for (translation_m, _) in grid.peaks(candidates, &lines, max_peaks) {
-            let score = coarse_score(candidates, &lines, &translation_m);
-            poses.push((Motion::from_parts(translation_m.into(), mode.target_from_source), score));
+    let mut first = 0;
+    for (end, max_peaks, blur) in PEAKS_BY_RANK {
+        let mut grid = TranslationGrid::new(max_baseline_m, blur.cell_m);
+        for mode in modes.iter().take(end).skip(first) {
+            let lines = translation_lines(candidates, &mode.target_from_source);
+            for translation_m in grid.peaks(candidates, &lines, max_peaks) {
+                let score = coarse_score(candidates, &lines, (&translation_m, &blur));
+                poses.push((Motion::from_parts(translation_m.into(), mode.target_from_source), score));
+            }
         }
+        first = end;
     }
     poses.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut kept: Vec<(Motion, f64)> = Vec::new();
     for (pose, score) in poses {
-        let is_new = kept.iter().all(|(other, _)| {
-            rotation_gap_rad(other, &pose) > SAME_START_RAD || translation_gap_m(other, &pose) > SAME_START_M
-        });
-        if is_new {
+        if kept.iter().all(|(other, _)| SAME_START.is_exceeded(other, &pose)) {
             kept.push((pose, score));
             if kept.len() == MAX_REFINED {
                 break;
@@ -117,37 +140,58 @@ fn coarse_poses(candidates: &[Candidate], max_baseline_m: f64) -> Vec<(Motion, f
     kept
 }
 
-/// Refines a pose on its matches while the gate closes; `None` when nothing is left to refine on.
-pub fn settle(scene: &Scene<'_>, start: &Motion) -> Option<Hypothesis> {
-    let mut pose = *start;
-    let mut noise_scale = 1.0;
-    let near = scene.near(start);
-    for (translation_m, rotation_rad) in SETTLING {
-        let gate = Gate { translation_m, rotation_rad, noise_scale };
-        let matches = scene.matches(&near, &pose, &gate);
-        if matches.len() < 3 {
-            return None;
-        }
-        pose = refine(scene, &indices(&matches), &pose, noise_scale).target_from_source;
-    }
-    for _ in 0..2 {
-        let gate = Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale };
-        let matches = scene.matches(&near, &pose, &gate);
-        if matches.len() < 3 {
-            return None;
-        }
-        noise_scale = (noise_scale * excess_noise(&matches)).clamp(1.0, MAX_NOISE_SCALE);
-        pose = refine(scene, &indices(&matches), &pose, noise_scale).target_from_source;
-    }
-    let gate = Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale };
-    let matches = scene.matches(&near, &pose, &gate);
-    let score = matches.iter().map(|found| found.gain).sum();
-    let refined = refine(scene, &indices(&matches), &pose, noise_scale);
-    Some(Hypothesis { refined, matches, score, noise_scale })
+/// Settles a single start: draws it in, then closes the gate; `None` when too little matches near it.
+pub fn settle(scene: Scene<'_>, start: &Motion) -> Option<Hypothesis> {
+    Approach::start(scene, start)?.settle()
 }
 
-/// Sensors noisier than three times the model are not explained by it.
-const MAX_NOISE_SCALE: f64 = 3.0;
+/// A start on its way to a settled pose.
+struct Approach<'a> {
+    scene: Scene<'a>,
+    near: Vec<usize>,
+    pose: Motion,
+    score: f64,
+}
+
+impl<'a> Approach<'a> {
+    /// Takes the first, wide steps; `None` when hardly anything matches.
+    fn start(scene: Scene<'a>, start: &Motion) -> Option<Self> {
+        let mut approach = Self { scene, near: scene.near(start), pose: *start, score: 0.0 };
+        for (translation_m, rotation_rad) in DRAWING_IN {
+            approach.step(&Gate { translation_m, rotation_rad, noise_scale: 1.0 })?;
+        }
+        Some(approach)
+    }
+
+    /// Closes the gate down to the lines' own noise; the noise is scaled up where the sensor is worse than its model.
+    fn settle(mut self) -> Option<Hypothesis> {
+        for (translation_m, rotation_rad) in SETTLING {
+            self.step(&Gate { translation_m, rotation_rad, noise_scale: 1.0 })?;
+        }
+        let mut noise_scale = 1.0;
+        for _ in 0..2 {
+            let matches = self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale })?;
+            noise_scale = (noise_scale * excess_noise(&matches)).clamp(1.0, MAX_NOISE_SCALE);
+        }
+        let matches = self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale })?;
+        let refined = refine(&self.scene, &indices(&matches), &self.pose, noise_scale);
+        Some(Hypothesis { refined, matches, score: self.score, noise_scale })
+    }
+
+    /// Matches under the gate, and moves to the pose that fits them.
+    fn step(&mut self, gate: &Gate) -> Option<Vec<Match>> {
+        let matches = self.scene.matches(&self.near, &self.pose, gate);
+        if matches.len() < MIN_MATCHES {
+            return None;
+        }
+        self.score = matches.iter().map(|found| found.gain).sum();
+        self.pose = refine(&self.scene, &indices(&matches), &self.pose, gate.noise_scale).target_from_source;
+        Some(matches)
+    }
+}
+
+/// Sensors noisier than this many times the model are not explained by it.
+const MAX_NOISE_SCALE: f64 = 2.5;
 
 fn indices(matches: &[Match]) -> Vec<usize> {
     matches.iter().map(|found| found.candidate).collect()

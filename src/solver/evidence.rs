@@ -1,20 +1,22 @@
 //! The evidence: what each camera of the rig saw, prepared for voting, and which of it is new.
 //!
 //! The same physical line seen again from the same rig pose averages noise but is not new evidence: coincidences repeat with
-//! the frames. Lines that stay where they were in the image keep their *identity*, and identities vote once.
+//! the frames. Of a frame set that repeats an earlier one only the lines that were not there before are kept.
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Unit, Vector3};
 
 use crate::geometry::{CameraView, LineObservation, SurfaceSample};
 
-/// Ends of a line seen again lie within this distance across the segment, px: detection noise and a still camera.
-const SAME_LINE_ACROSS_PX: f64 = 2.0;
-/// ... and its direction within this angle, rad.
-const SAME_LINE_ANGLE_RAD: f64 = 0.02;
-/// ... and its depth within this share.
-const SAME_LINE_DEPTH_RATIO: f64 = 0.05;
-/// A view is new when at most this share of its lines was there before.
-const REPEATED_SHARE_OF_OLD_VIEW: f64 = 0.5;
+/// A line is where it was when its ends lie this close to the old one, across, px: about 2 degrees of rig rotation.
+const SAME_PLACE_ACROSS_PX: f64 = 20.0;
+/// ... and its direction this close, rad.
+const SAME_PLACE_ANGLE_RAD: f64 = 0.05;
+/// ... and its inverse depth within this share.
+const SAME_PLACE_DEPTH_RATIO: f64 = 0.1;
+/// A frame set repeats an old one when more than this share of its lines is where it was.
+const REPEATED_SHARE: f64 = 0.5;
+/// Of a repeated set fewer new lines than this, in each of two cameras, are flicker and not a changed scene.
+const MIN_NEW_LINES: usize = 3;
 
 /// A lifted line prepared for voting.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,13 +33,11 @@ pub struct EvidenceLine {
     pub sigma_position_m: f64,
     /// Covariance of the four measured numbers: offsets across at start and end, inverse depths at start and end.
     pub covariance: Matrix4<f64>,
-    /// The same number as in an earlier set when the line stayed where it was in the image.
-    pub identity: u32,
 }
 
 impl EvidenceLine {
     /// Prepares an observation; `None` when it is not lifted or its ends are not in front of the camera.
-    pub fn try_new(observation: &LineObservation, identity: u32) -> Option<Self> {
+    pub fn try_new(observation: &LineObservation) -> Option<Self> {
         let depth = observation.depth?;
         let ends_m = [0, 1].map(|i| observation.ends[i].at_inverse_depth(depth.inverse_depth_per_m[i]));
         if ends_m.iter().any(|end_m| !(end_m.z.is_finite() && end_m.z > 0.05)) {
@@ -56,7 +56,6 @@ impl EvidenceLine {
             sigma_direction_rad: 0.0,
             sigma_position_m: 0.0,
             covariance,
-            identity,
         };
         let [start, end] = line.d_ends_d_measurement();
         let length_m = (ends_m[1] - ends_m[0]).norm();
@@ -100,21 +99,27 @@ impl EvidenceLine {
 pub struct EvidenceView {
     /// Lifted lines, longest first.
     pub lines: Vec<EvidenceLine>,
-    /// Segments without depth, longest first.
-    pub unlifted: Vec<LineObservation>,
     /// Coarse surfaces.
     pub surface: Vec<SurfaceSample>,
 }
 
-/// One stored frame set: a view per camera, `None` where the camera was missing.
-pub type EvidenceSet = Vec<Option<EvidenceView>>;
+/// One stored frame set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EvidenceSet {
+    /// A view per camera, `None` where the camera was missing.
+    pub views: Vec<Option<EvidenceView>>,
+    /// Number of the set.
+    id: u64,
+    /// Number of the set whose rig pose this one repeats, or its own.
+    repeats: u64,
+}
 
 /// Everything the estimator keeps, in the order of arrival.
 #[derive(Debug, Clone)]
 pub struct Evidence {
     /// The frame sets that brought something new.
     pub sets: Vec<EvidenceSet>,
-    next_identity: u32,
+    next_id: u64,
     limits: EvidenceLimits,
 }
 
@@ -130,66 +135,65 @@ pub struct EvidenceLimits {
 impl Evidence {
     /// No evidence yet.
     pub fn new(limits: EvidenceLimits) -> Self {
-        Self { sets: Vec::new(), next_identity: 0, limits }
+        Self { sets: Vec::new(), next_id: 0, limits }
     }
 
-    /// Takes a frame set unless every camera's view repeats one that is stored; says whether it was taken.
+    /// Takes what is new of a frame set; says whether at least two cameras brought something.
     pub fn add(&mut self, views: &[Option<CameraView>]) -> bool {
-        let mut any_new = false;
-        let mut set = EvidenceSet::with_capacity(views.len());
-        for (camera, view) in views.iter().enumerate() {
-            let Some(view) = view else {
-                set.push(None);
-                continue;
-            };
-            let (prepared, repeated) = self.prepare(camera, view);
-            let n_lines = prepared.lines.len();
-            any_new |= n_lines > 0 && (repeated as f64) <= REPEATED_SHARE_OF_OLD_VIEW * n_lines as f64;
-            set.push(Some(prepared));
+        let mut set = EvidenceSet {
+            views: views.iter().map(|view| view.as_ref().map(|view| self.prepare(view))).collect(),
+            id: self.next_id,
+            repeats: self.next_id,
+        };
+        let old =
+            self.sets.iter().find(|old| old.repeats == old.id && share_in_place(&set, old) > REPEATED_SHARE);
+        let mut min_lines = 1;
+        if let Some(old) = old {
+            set.repeats = old.id;
+            min_lines = MIN_NEW_LINES;
+            let same_pose = old.id;
+            for known in self.sets.iter().filter(|known| known.repeats == same_pose) {
+                drop_known(&mut set, known);
+            }
         }
-        if any_new {
+        let is_new = set.views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() >= 2;
+        if is_new {
             if self.sets.len() >= self.limits.max_sets {
                 self.sets.remove(0);
             }
             self.sets.push(set);
+            self.next_id += 1;
         }
-        any_new
+        is_new
     }
 
-    /// Prepares a view; with it the number of lines that were seen before in the same place.
-    fn prepare(&mut self, camera: usize, view: &CameraView) -> (EvidenceView, usize) {
-        let mut prepared = EvidenceView { surface: view.surface.clone(), ..EvidenceView::default() };
-        let mut repeated = 0;
-        for observation in &view.lines {
-            if observation.depth.is_none() {
-                if prepared.unlifted.len() < self.limits.max_lines_per_view {
-                    prepared.unlifted.push(*observation);
-                }
-                continue;
-            }
-            if prepared.lines.len() == self.limits.max_lines_per_view {
-                continue;
-            }
-            let known = self.identity_of(camera, observation);
-            let Some(line) = EvidenceLine::try_new(observation, known.unwrap_or(self.next_identity)) else {
-                continue;
-            };
-            match known {
-                Some(_) => repeated += 1,
-                None => self.next_identity += 1,
-            }
-            prepared.lines.push(line);
-        }
-        (prepared, repeated)
+    fn prepare(&self, view: &CameraView) -> EvidenceView {
+        let lines = view.lines.iter().filter_map(EvidenceLine::try_new).take(self.limits.max_lines_per_view);
+        EvidenceView { lines: lines.collect(), surface: view.surface.clone() }
     }
+}
 
-    /// The identity of a stored line of this camera in the same place of the image, the newest first.
-    fn identity_of(&self, camera: usize, observation: &LineObservation) -> Option<u32> {
-        let views = self.sets.iter().rev().filter_map(|set| set.get(camera)?.as_ref());
-        views
-            .flat_map(|view| &view.lines)
-            .find_map(|line| same_place(&line.observation, observation).then_some(line.identity))
+/// Share of the lines of a set that lie where the same camera saw a line in an old set.
+fn share_in_place(set: &EvidenceSet, old: &EvidenceSet) -> f64 {
+    let (mut in_place, mut all) = (0_usize, 0_usize);
+    for (view, old_view) in set.views.iter().zip(&old.views) {
+        let (Some(view), Some(old_view)) = (view, old_view) else { continue };
+        all += view.lines.len();
+        in_place += view.lines.iter().filter(|line| is_known(line, old_view)).count();
     }
+    in_place as f64 / all.max(1) as f64
+}
+
+fn drop_known(set: &mut EvidenceSet, known: &EvidenceSet) {
+    for (view, known_view) in set.views.iter_mut().zip(&known.views) {
+        if let (Some(view), Some(known_view)) = (view, known_view) {
+            view.lines.retain(|line| !is_known(line, known_view));
+        }
+    }
+}
+
+fn is_known(line: &EvidenceLine, view: &EvidenceView) -> bool {
+    view.lines.iter().any(|known| same_place(&known.observation, &line.observation))
 }
 
 /// Whether two observations of one camera lie on the same image line at the same depth, and overlap.
@@ -203,7 +207,7 @@ fn same_place(a: &LineObservation, b: &LineObservation) -> bool {
     let along = ((a1.x - a0.x) / length, (a1.y - a0.y) / length);
     let b_along =
         ((b.segment.end.x - b.segment.start.x) / b_length, (b.segment.end.y - b.segment.start.y) / b_length);
-    if (along.0 * b_along.1 - along.1 * b_along.0).abs() > SAME_LINE_ANGLE_RAD
+    if (along.0 * b_along.1 - along.1 * b_along.0).abs() > SAME_PLACE_ANGLE_RAD
         || along.0 * b_along.0 + along.1 * b_along.1 < 0.0
     {
         return false;
@@ -215,11 +219,11 @@ fn same_place(a: &LineObservation, b: &LineObservation) -> bool {
     let (from, across_start) = position(b.segment.start.x, b.segment.start.y);
     let (to, across_end) = position(b.segment.end.x, b.segment.end.y);
     let overlap = to.min(length) - from.max(0.0);
-    if across_start.abs().max(across_end.abs()) > SAME_LINE_ACROSS_PX || overlap < 0.5 * length.min(b_length)
+    if across_start.abs().max(across_end.abs()) > SAME_PLACE_ACROSS_PX || overlap < 0.5 * length.min(b_length)
     {
         return false;
     }
     let mean = |per_m: [f64; 2]| 0.5 * (per_m[0] + per_m[1]);
     let (a_per_m, b_per_m) = (mean(depth_a.inverse_depth_per_m), mean(depth_b.inverse_depth_per_m));
-    (a_per_m - b_per_m).abs() < SAME_LINE_DEPTH_RATIO * a_per_m.abs()
+    (a_per_m - b_per_m).abs() < SAME_PLACE_DEPTH_RATIO * a_per_m.abs()
 }

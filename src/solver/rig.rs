@@ -167,7 +167,12 @@ impl RigEstimator {
                 "a rig of one camera has nothing to calibrate: give at least two cameras".to_owned();
             return object(State::Failed, ReasonCode::OneCamera, sentence);
         }
-        let any_line = self.evidence.sets.iter().flatten().flatten().any(|view| !view.lines.is_empty());
+        let any_line = self
+            .evidence
+            .sets
+            .iter()
+            .flat_map(|set| set.views.iter().flatten())
+            .any(|view| !view.lines.is_empty());
         if !any_line {
             let sentence =
                 "no camera saw a straight edge with depth: check lighting, exposure and that depth is \

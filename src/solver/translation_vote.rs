@@ -7,14 +7,26 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::candidates::Candidate;
 
-/// Edge of a cell, m: about the blur that a rotation off by 1.5 degrees leaves at 2 m.
-const CELL_M: f64 = 0.05;
 /// Widest angle between both directions after rotation, rad.
 const MAX_ANGLE_RAD: f64 = 0.06;
 /// Matches whose observed parts lie further apart along the line than this are left out, m.
 const MAX_GAP_M: f64 = 4.0;
-/// Peaks closer than this many cells are one.
-const PEAK_GAP_CELLS: i64 = 3;
+
+/// How exactly translations are looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blur {
+    /// Edge of a cell of the grid, m.
+    pub cell_m: f64,
+    /// Tolerance of the quick score, m: the cell, and the rotation's error at arm's length ...
+    pub translation_m: f64,
+    /// ... growing with the distance along the line, rad.
+    pub rotation_rad: f64,
+}
+
+/// For rotations that may be off by 1.5 degrees: 5 cm at 2 m.
+pub const COARSE: Blur = Blur { cell_m: 0.05, translation_m: 0.035, rotation_rad: 0.015 };
+/// For the leading rotations, which many directions fix to a few tenths of a degree.
+pub const FINE: Blur = Blur { cell_m: 0.025, translation_m: 0.018, rotation_rad: 0.004 };
 
 /// A match under a given rotation: the line of translations it allows.
 #[derive(Debug, Clone, Copy)]
@@ -41,7 +53,9 @@ impl TranslationLine {
 
     /// Standard deviation across the line at a distance along it, m.
     pub fn sigma_m(&self, gap_m: f64) -> f64 {
-        self.sigma_position_m.hypot(self.sigma_angle_rad * gap_m)
+        // Not `hypot`: this is the innermost loop, and nothing here can overflow.
+        let growth_m = self.sigma_angle_rad * gap_m;
+        (self.sigma_position_m * self.sigma_position_m + growth_m * growth_m).sqrt()
     }
 }
 
@@ -72,6 +86,7 @@ pub fn translation_lines(
 /// The grid over translations, reused from rotation to rotation.
 #[derive(Debug)]
 pub struct TranslationGrid {
+    cell_m: f64,
     half_cells: i64,
     votes: Vec<f32>,
     /// The last source line that voted for a cell, so that each votes once.
@@ -79,11 +94,11 @@ pub struct TranslationGrid {
 }
 
 impl TranslationGrid {
-    /// A grid for baselines up to `max_baseline_m`.
-    pub fn new(max_baseline_m: f64) -> Self {
-        let half_cells = (max_baseline_m / CELL_M).ceil() as i64;
+    /// A grid of cells of `cell_m` for baselines up to `max_baseline_m`.
+    pub fn new(max_baseline_m: f64, cell_m: f64) -> Self {
+        let half_cells = (max_baseline_m / cell_m).ceil() as i64;
         let n_cells = (2 * half_cells + 1).pow(3) as usize;
-        Self { half_cells, votes: vec![0.0; n_cells], last_voter: vec![u32::MAX; n_cells] }
+        Self { cell_m, half_cells, votes: vec![0.0; n_cells], last_voter: vec![u32::MAX; n_cells] }
     }
 
     /// The translations with most votes, m, best first, at most `max_peaks`.
@@ -92,7 +107,7 @@ impl TranslationGrid {
         candidates: &[Candidate],
         lines: &[TranslationLine],
         max_peaks: usize,
-    ) -> Vec<(Vector3<f64>, f32)> {
+    ) -> Vec<Vector3<f64>> {
         self.votes.fill(0.0);
         self.last_voter.fill(u32::MAX);
         let mut voter = 0;
@@ -115,15 +130,15 @@ impl TranslationGrid {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let slope = line.direction / line.direction[axis];
         for i in -self.half_cells..=self.half_cells {
-            let along_m = i as f64 * CELL_M - line.point_m[axis];
+            let along_m = i as f64 * self.cell_m - line.point_m[axis];
             let gap_m = along_m * slope.norm();
             if gap_m.abs() > MAX_GAP_M {
                 continue;
             }
             // A line known to 1 cm says more than one known to 10 cm.
-            let weight = (0.05 / (0.02 + line.sigma_m(gap_m))) as f32;
-            let place_u = (line.point_m[u] + along_m * slope[u]) / CELL_M;
-            let place_v = (line.point_m[v] + along_m * slope[v]) / CELL_M;
+            let weight = (self.cell_m / (0.4 * self.cell_m + line.sigma_m(gap_m))) as f32;
+            let place_u = (line.point_m[u] + along_m * slope[u]) / self.cell_m;
+            let place_v = (line.point_m[v] + along_m * slope[v]) / self.cell_m;
             let (floor_u, floor_v) = (place_u.floor(), place_v.floor());
             for (du, dv) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
                 let mut cell = [0_i64; 3];
@@ -161,25 +176,26 @@ impl TranslationGrid {
         [index / (side * side), index / side % side, index % side].map(|place| place - self.half_cells)
     }
 
-    fn strongest(&self, max_peaks: usize) -> Vec<(Vector3<f64>, f32)> {
-        let best = self.votes.iter().copied().fold(0.0_f32, f32::max);
-        let mut order: Vec<usize> = (0..self.votes.len()).filter(|&i| self.votes[i] > 0.5 * best).collect();
-        order.sort_by(|&a, &b| self.votes[b].total_cmp(&self.votes[a]).then(a.cmp(&b)));
-        let mut peaks: Vec<[i64; 3]> = Vec::new();
-        let mut strongest = Vec::new();
-        for index in order {
-            let cell = self.cell(index);
-            let is_new =
-                peaks.iter().all(|peak| (0..3).any(|axis| (peak[axis] - cell[axis]).abs() >= PEAK_GAP_CELLS));
-            if is_new {
-                peaks.push(cell);
-                let translation_m = Vector3::from(cell.map(|place| place as f64 * CELL_M));
-                strongest.push((translation_m, self.votes[index]));
-                if peaks.len() == max_peaks {
-                    break;
-                }
-            }
-        }
-        strongest
+    /// Cells with more votes than their neighbours, strongest first.
+    fn strongest(&self, max_peaks: usize) -> Vec<Vector3<f64>> {
+        let least = 0.3 * self.votes.iter().copied().fold(0.0_f32, f32::max);
+        let mut peaks: Vec<usize> =
+            (0..self.votes.len()).filter(|&i| self.votes[i] > least && self.is_peak(i)).collect();
+        peaks.sort_by(|&a, &b| self.votes[b].total_cmp(&self.votes[a]).then(a.cmp(&b)));
+        peaks.truncate(max_peaks);
+        let place_m = |index: usize| Vector3::from(self.cell(index).map(|place| place as f64 * self.cell_m));
+        peaks.into_iter().map(place_m).collect()
+    }
+
+    /// Whether no neighbour has more votes; of equal neighbours the first counts.
+    fn is_peak(&self, index: usize) -> bool {
+        let [x, y, z] = self.cell(index);
+        let mut steps =
+            (-1..=1).flat_map(|dx| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dz| [dx, dy, dz])));
+        steps.all(|[dx, dy, dz]| match self.index([x + dx, y + dy, z + dz]) {
+            Some(other) if other < index => self.votes[other] < self.votes[index],
+            Some(other) => self.votes[other] <= self.votes[index],
+            None => true,
+        })
     }
 }

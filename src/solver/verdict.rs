@@ -3,7 +3,7 @@
 //! Never a wrong pose called converged: every test below guards against another way of being wrong, and each failure is a
 //! reason with its numbers and with what to do next.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
 
@@ -11,6 +11,7 @@ use super::association::{Match, Scene};
 use super::consensus::{Hypothesis, Ranking};
 use super::refine::{Refined, refine};
 use super::result::{Reason, ReasonCode, State};
+use crate::geometry::motion::{rotation_gap_rad, translation_gap_m};
 
 /// Limits of the verdict.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +20,12 @@ pub struct VerdictLimits {
     pub min_matches: usize,
     /// Least number of distinct rig views that contribute.
     pub min_views: usize,
-    /// The best score must exceed the runner-up's by this factor.
+    /// Least number of matches outside the view that contributes most: repeated structure of one view is no proof.
+    pub min_matches_elsewhere: usize,
+    /// The best score must exceed that of any really different pose by this factor ...
     pub min_lead: f64,
+    /// ... and that of poses nearby, which share many matches, by this.
+    pub min_lead_nearby: f64,
     /// Largest standard deviation of the translation in its worst direction, m.
     pub max_sigma_translation_m: f64,
     /// Largest standard deviation of the rotation about its worst axis, rad.
@@ -34,7 +39,9 @@ impl Default for VerdictLimits {
         Self {
             min_matches: 12,
             min_views: 3,
+            min_matches_elsewhere: 6,
             min_lead: 1.5,
+            min_lead_nearby: 1.25,
             max_sigma_translation_m: 0.004,
             max_sigma_rotation_rad: 0.0022,
             max_free_space_violated: 0.15,
@@ -70,35 +77,46 @@ fn object(state: State, code: ReasonCode, sentence: String) -> Objection {
     Some((state, Reason { code, sentence }))
 }
 
-/// Number of frame sets in which matches were found.
-pub fn n_views(scene: &Scene<'_>, matches: &[Match]) -> usize {
-    matches.iter().map(|found| scene.candidates[found.candidate].set).collect::<BTreeSet<_>>().len()
+/// Number of matches per contributing frame set.
+fn matches_by_view(scene: &Scene<'_>, matches: &[Match]) -> BTreeMap<u32, usize> {
+    let mut counts = BTreeMap::new();
+    for found in matches {
+        *counts.entry(scene.candidates[found.candidate].set).or_insert(0) += 1;
+    }
+    counts
 }
 
 fn evidence(bench: &Bench<'_>) -> Objection {
-    let matches = &bench.ranking.best.matches;
-    let (n, views) = (matches.len(), n_views(&bench.scene, matches));
-    let VerdictLimits { min_matches, min_views, .. } = bench.limits;
-    if n >= min_matches && views >= min_views {
+    let by_view = matches_by_view(&bench.scene, &bench.ranking.best.matches);
+    let (n, views) = (bench.ranking.best.matches.len(), by_view.len());
+    let elsewhere = n - by_view.values().max().copied().unwrap_or(0);
+    let VerdictLimits { min_matches, min_views, min_matches_elsewhere, .. } = bench.limits;
+    if n >= min_matches && views >= min_views && elsewhere >= min_matches_elsewhere {
         return None;
     }
     let sentence = format!(
-        "the best pose explains {n} independent lines in {views} rig views, {min_matches} in {min_views} are needed: \
-         move the rig and show more straight edges that run through both cameras"
+        "the best pose explains {n} independent lines in {views} rig views, {elsewhere} of them outside the richest view; \
+         needed are {min_matches} in {min_views}, {min_matches_elsewhere} of them outside one view: move the rig and show \
+         more straight edges that run through both cameras"
     );
     object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence)
 }
 
 fn lead(bench: &Bench<'_>) -> Objection {
-    let best = bench.ranking.best.score;
-    let runner_up = bench.ranking.runner_up.as_ref().map_or(0.0, |other| other.score);
-    if best >= bench.limits.min_lead * runner_up {
-        return None;
-    }
+    let Ranking { best, neighbour, runner_up, .. } = bench.ranking;
+    let limits = [(runner_up, bench.limits.min_lead), (neighbour, bench.limits.min_lead_nearby)];
+    let (rival, min_lead) = limits.into_iter().find_map(|(rival, min_lead)| {
+        let rival = rival.as_ref()?;
+        (best.score < min_lead * rival.score).then_some((rival, min_lead))
+    })?;
+    let (here, there) = (&best.refined.target_from_source, &rival.refined.target_from_source);
     let sentence = format!(
-        "the best pose scores {best:.0}, a different one {runner_up:.0}; a lead of {:.1} times is needed: show edges in \
-         other directions and places, and turn the rig between views",
-        bench.limits.min_lead
+        "the best pose scores {:.0}, another one {:.1} deg and {:.0} mm away {:.0}; a lead of {min_lead:.2} times is \
+         needed: show edges in other directions and places, and turn the rig between views",
+        best.score,
+        rotation_gap_rad(here, there).to_degrees(),
+        1e3 * translation_gap_m(here, there),
+        rival.score,
     );
     object(State::Ambiguous, ReasonCode::RunnerUpTooClose, sentence)
 }

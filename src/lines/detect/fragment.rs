@@ -58,9 +58,9 @@ impl Moments {
         let (xx, xy, yy) = (self.xx / self.n - x * x, self.xy / self.n - x * y, self.yy / self.n - y * y);
         // Eigenvector of the smaller eigenvalue, from the row without cancellation.
         let half_gap = 0.5 * (xx - yy);
-        let root = half_gap.hypot(xy);
+        let root = (half_gap * half_gap + xy * xy).sqrt();
         let (a, b) = if half_gap > 0.0 { (-xy, half_gap + root) } else { (root - half_gap, -xy) };
-        let norm = a.hypot(b).max(1e-12);
+        let norm = (a * a + b * b).sqrt().max(1e-12);
         FittedLine { centre: [x, y], normal: [a / norm, b / norm] }
     }
 }

@@ -3,11 +3,13 @@
 //! The longest fragments go first and own their pixels, so that an edge is found once.
 use super::fragment::Fragment;
 use super::gradient::Gradient;
-use super::track::{Sample, Track};
+use super::track::{Sample, Scan, Track};
 use crate::geometry::{PixelPoint, Segment};
 
 /// Rounds of extending and refitting.
-const MAX_ROUNDS: usize = 6;
+const MAX_ROUNDS: usize = 5;
+/// Growth below this share does not pay for another round.
+const MIN_GAIN: f64 = 0.02;
 /// A gap is bridged up to this share of the length so far ...
 const GAP_SHARE: f64 = 0.35;
 /// ... within these limits, px.
@@ -65,65 +67,71 @@ impl Grower {
         let mut track = Track::through(start, end);
         let [u0, u1] = if track.along_x { [start.x, end.x] } else { [start.y, end.y] };
         let mut extent = Extent { low: u0.min(u1).round() as i64, high: u0.max(u1).round() as i64 };
-        if self.is_taken(gradient, &track, extent) {
+        if self.is_taken(&Scan::new(gradient, track), &track, extent) {
             return None;
         }
         for _ in 0..MAX_ROUNDS {
-            self.collect(gradient, &track, extent);
-            track = track.fitted(&self.samples)?;
-            let grown = self.extended(gradient, &track, extent);
-            if grown == extent {
+            self.collect(&Scan::new(gradient, track), extent);
+            track = track.fitted(&self.samples, 2)?;
+            let grown = self.extended(&Scan::new(gradient, track), &track, extent);
+            let gained = grown.columns() - extent.columns();
+            extent = grown;
+            if gained < MIN_GAIN * extent.columns() {
                 break;
             }
-            extent = grown;
         }
-        self.collect(gradient, &track, extent);
-        track = track.fitted(&self.samples)?;
-        let (first, last) = (self.samples.first()?.u as i64, self.samples.last()?.u as i64);
-        let extent = Extent { low: first, high: last };
-        let supported = self.samples.len() as f64 >= MIN_SUPPORT * extent.columns();
-        let long_enough = (extent.columns() - 1.0) * track.stretch() >= min_length_px;
-        if !supported || !long_enough || self.is_taken(gradient, &track, extent) {
+        if extent.columns() * track.stretch() < min_length_px {
             return None;
         }
-        self.own(gradient, &track, extent);
+        self.collect(&Scan::new(gradient, track), extent);
+        track = track.fitted(&self.samples, 4)?;
+        let extent = Extent { low: self.samples.first()?.u as i64, high: self.samples.last()?.u as i64 };
+        let scan = Scan::new(gradient, track);
+        let supported = self.samples.len() as f64 >= MIN_SUPPORT * extent.columns();
+        let long_enough = (extent.columns() - 1.0) * track.stretch() >= min_length_px;
+        if !supported || !long_enough || self.is_taken(&scan, &track, extent) {
+            return None;
+        }
+        self.own(&scan, &track, extent);
         Some(self.segment(&track, extent))
     }
 
-    fn collect(&mut self, gradient: &Gradient, track: &Track, extent: Extent) {
+    fn collect(&mut self, scan: &Scan<'_>, extent: Extent) {
         self.samples.clear();
-        self.samples.extend((extent.low..=extent.high).filter_map(|u| track.sample(gradient, u)));
+        self.samples.extend((extent.low..=extent.high).filter_map(|u| scan.sample(u)));
     }
 
-    /// Whether a like-directed segment owns much of this extent.
-    fn is_taken(&self, gradient: &Gradient, track: &Track, extent: Extent) -> bool {
-        let n_owned = (extent.low..=extent.high).filter(|&u| self.is_owned(gradient, track, u)).count();
-        n_owned as f64 > MAX_OWNED * extent.columns()
+    /// Whether a like-directed segment owns much of this extent; every third column tells.
+    fn is_taken(&self, scan: &Scan<'_>, track: &Track, extent: Extent) -> bool {
+        let direction = track.direction();
+        let columns = (extent.low..=extent.high).step_by(3);
+        let n_owned = columns.filter(|&u| self.is_owned(scan, direction, u)).count();
+        3.0 * n_owned as f64 > MAX_OWNED * extent.columns()
     }
 
-    fn is_owned(&self, gradient: &Gradient, track: &Track, u: i64) -> bool {
-        let Some((index, _)) = track.index(gradient, u) else { return false };
+    fn is_owned(&self, scan: &Scan<'_>, [ax, ay]: [f64; 2], u: i64) -> bool {
+        let Some(index) = scan.index(u) else { return false };
         let Some(owner) = usize::from(self.owner[index]).checked_sub(1) else { return false };
-        let ([ax, ay], [bx, by]) = (track.direction(), self.directions[owner]);
+        let [bx, by] = self.directions[owner];
         ax * bx + ay * by >= MIN_COSINE_SAME
     }
 
-    fn extended(&self, gradient: &Gradient, track: &Track, extent: Extent) -> Extent {
+    fn extended(&self, scan: &Scan<'_>, track: &Track, extent: Extent) -> Extent {
         Extent {
-            low: self.end_of_support(gradient, track, (extent, -1)),
-            high: self.end_of_support(gradient, track, (extent, 1)),
+            low: self.end_of_support(scan, track, (extent, -1)),
+            high: self.end_of_support(scan, track, (extent, 1)),
         }
     }
 
     /// Walks on from one end of the extent while most of the last eight columns show the edge or a gap is short.
-    fn end_of_support(&self, gradient: &Gradient, track: &Track, (extent, step): (Extent, i64)) -> i64 {
+    fn end_of_support(&self, scan: &Scan<'_>, track: &Track, (extent, step): (Extent, i64)) -> i64 {
         let max_gap = (GAP_SHARE * extent.columns()).clamp(GAP_LIMITS_PX[0], GAP_LIMITS_PX[1]) as i64;
-        let (low, high) = track.range(gradient);
+        let direction = track.direction();
         let mut accepted = if step > 0 { extent.high } else { extent.low };
         let mut recent = u8::MAX;
         let mut u = accepted + step;
-        while u >= low && u <= high && (u - accepted).abs() <= max_gap + 8 {
-            let seen = track.sample(gradient, u).is_some() && !self.is_owned(gradient, track, u);
+        while u >= scan.low && u <= scan.high && (u - accepted).abs() <= max_gap + 8 {
+            let seen = scan.sample(u).is_some() && !self.is_owned(scan, direction, u);
             recent = (recent << 1) | u8::from(seen);
             if seen && recent.count_ones() >= 6 {
                 accepted = u;
@@ -134,14 +142,12 @@ impl Grower {
     }
 
     /// Marks the pixels of a segment, three wide.
-    fn own(&mut self, gradient: &Gradient, track: &Track, extent: Extent) {
+    fn own(&mut self, scan: &Scan<'_>, track: &Track, extent: Extent) {
         self.directions.push(track.direction());
         let id = u16::try_from(self.directions.len()).unwrap_or(u16::MAX);
-        for u in extent.low..=extent.high {
-            if let Some((index, across)) = track.index(gradient, u) {
-                self.owner[index - across] = id;
+        for index in (extent.low..=extent.high).filter_map(|u| scan.index(u)) {
+            for index in [index - scan.across(), index, index + scan.across()] {
                 self.owner[index] = id;
-                self.owner[index + across] = id;
             }
         }
     }

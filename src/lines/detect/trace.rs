@@ -135,8 +135,18 @@ fn localise(gradient: &Gradient, at: usize) -> EdgePoint {
     if across == 1 { EdgePoint { x: x + offset, y } } else { EdgePoint { x, y: y + offset } }
 }
 
+/// Part of the parabola's error at `offset` that goes with `offset (1/4 - offset²)`.
+const PARABOLA_BIAS: f32 = 0.5;
+
 /// Offset of the maximum from the middle sample, at most one; 0 where there is none.
+///
+/// The ridge of a step seen through the filters is nearly a Gaussian of 1.4 px, on which a parabola pulls the top towards
+/// the middle by up to 0.024 px; that is undone.
 pub fn top_of_parabola([before, here, after]: [f32; 3]) -> f32 {
     let curvature = before - 2.0 * here + after;
-    if curvature >= 0.0 { 0.0 } else { (0.5 * (before - after) / curvature).clamp(-1.0, 1.0) }
+    if curvature >= 0.0 {
+        return 0.0;
+    }
+    let offset = (0.5 * (before - after) / curvature).clamp(-1.0, 1.0);
+    offset + PARABOLA_BIAS * offset * (0.25 - offset * offset).max(0.0)
 }

@@ -8,7 +8,7 @@ const MIN_COSINE: f32 = 0.927;
 /// Least gradient of a sample along the normal, counts: one gray level per pixel.
 const MIN_PEAK: f32 = 1.0 * COUNTS_PER_LEVEL as f32;
 /// Largest distance of a sample from the predicted line, px.
-const REACH_PX: f32 = 1.0;
+const REACH_PX: f64 = 1.0;
 /// Scale of the robust weights, px: localisation of a single sample is mostly better than this.
 const ROBUST_SCALE_PX: f64 = 0.3;
 
@@ -58,95 +58,38 @@ impl Track {
 
     /// Unit direction (x, y) along the edge.
     pub fn direction(&self) -> [f64; 2] {
-        let scale = self.sense / self.slope.hypot(1.0);
+        let scale = self.sense / self.stretch();
         if self.along_x { [scale, self.slope * scale] } else { [self.slope * scale, scale] }
     }
 
     /// Length along the edge of one pixel of u.
     pub fn stretch(&self) -> f64 {
-        self.slope.hypot(1.0)
+        (1.0 + self.slope * self.slope).sqrt()
     }
 
-    /// Smallest and largest u with a gradient.
-    pub fn range(&self, gradient: &Gradient) -> (i64, i64) {
-        let size = if self.along_x { gradient.width } else { gradient.height };
-        (BORDER_PX as i64, size as i64 - 1 - BORDER_PX as i64)
-    }
-
-    /// Index of the pixel nearest to the line at u and the index step across; `None` near the border.
-    pub fn index(&self, gradient: &Gradient, u: i64) -> Option<(usize, usize)> {
-        let (low, high) = self.range(gradient);
-        let size_v = if self.along_x { gradient.height } else { gradient.width };
-        let v = self.at(u as f64).round();
-        // Two more pixels on each side are read.
-        let margin = (BORDER_PX + 2) as f64;
-        if u < low || u > high || !(v >= margin && v <= size_v as f64 - 1.0 - margin) {
-            return None;
-        }
-        let (u, v) = (u as usize, v as usize);
-        Some(if self.along_x {
-            (v * gradient.width + u, gradient.width)
-        } else {
-            (u * gradient.width + v, 1)
-        })
-    }
-
-    /// The edge at u: the ridge of the gradient along the normal within reach of the line, if it points the right way.
-    pub fn sample(&self, gradient: &Gradient, u: i64) -> Option<Sample> {
-        let (middle, across) = self.index(gradient, u)?;
-        let [dx, dy] = self.direction();
-        // Right-hand normal, towards the brighter side.
-        let (nx, ny) = (-dy as f32, dx as f32);
-        let first = middle - 2 * across;
-        let profile: [f32; 5] = std::array::from_fn(|i| {
-            let at = first + i * across;
-            f32::from(gradient.x[at]) * nx + f32::from(gradient.y[at]) * ny
-        });
-        let mut top = 2;
-        for i in [1, 3] {
-            if profile[i] > profile[top] {
-                top = i;
-            }
-        }
-        let peak = profile[top];
-        let [before, after] = [profile[top - 1], profile[top + 1]];
-        if peak < MIN_PEAK || before > peak || after > peak {
-            return None;
-        }
-        let at = first + top * across;
-        let norm = f32::from(gradient.x[at]).hypot(f32::from(gradient.y[at]));
-        let from_middle = top as f32 - 2.0 + top_of_parabola([before, peak, after]);
-        let predicted = self.at(u as f64);
-        let v = predicted.round() + f64::from(from_middle);
-        let distance = (v - predicted).abs() as f32 / self.stretch() as f32;
-        (peak >= MIN_COSINE * norm && distance <= REACH_PX).then(|| Sample {
-            u: u as f64,
-            v,
-            weight: weight(f64::from(peak)),
-        })
-    }
-
-    /// The robust least-squares line through samples, starting from this one; `None` where they do not fix a line.
-    pub fn fitted(&self, samples: &[Sample]) -> Option<Self> {
+    /// The robust least-squares line through samples, starting from this one and reweighted some times; `None` where
+    /// they do not fix a line.
+    pub fn fitted(&self, samples: &[Sample], rounds: usize) -> Option<Self> {
         let mut track = *self;
-        for _ in 0..4 {
+        for _ in 0..rounds {
             track = track.reweighted_fit(samples)?;
         }
         Some(track)
     }
 
     /// Weight of a sample in this line's fit: Geman-McClure on its distance.
-    pub fn robust_weight(&self, sample: &Sample) -> f64 {
-        let distance = (sample.v - self.at(sample.u)) / self.stretch();
-        let ratio = distance / ROBUST_SCALE_PX;
-        sample.weight / (1.0 + ratio * ratio).powi(2)
+    fn robust_weight(&self, sample: &Sample, inverse_scale2: f64) -> f64 {
+        let distance_v = sample.v - self.at(sample.u);
+        let penalty = 1.0 + distance_v * distance_v * inverse_scale2;
+        sample.weight / (penalty * penalty)
     }
 
     fn reweighted_fit(&self, samples: &[Sample]) -> Option<Self> {
         let origin = samples.first()?.u;
         let [mut n, mut su, mut sv, mut suu, mut suv] = [0.0; 5];
+        let inverse_scale2 = 1.0 / (ROBUST_SCALE_PX * self.stretch()).powi(2);
         for sample in samples {
-            let weight = self.robust_weight(sample);
+            let weight = self.robust_weight(sample, inverse_scale2);
             let u = sample.u - origin;
             n += weight;
             su += weight * u;
@@ -161,6 +104,99 @@ impl Track {
         }
         let slope = (n * suv - su * sv) / determinant;
         Some(Self { slope, offset: (sv - slope * su) / n - slope * origin, ..*self })
+    }
+}
+
+/// A track laid over a gradient image, with all that is the same for every sample worked out once.
+#[derive(Debug)]
+pub struct Scan<'a> {
+    gradient: &'a Gradient,
+    track: Track,
+    /// Smallest and largest u with a gradient.
+    pub low: i64,
+    /// See `low`.
+    pub high: i64,
+    /// Largest v that may be sampled, px.
+    max_v: f64,
+    /// Index steps along and across.
+    steps: [usize; 2],
+    /// Right-hand normal, towards the brighter side.
+    normal: [f32; 2],
+    /// Reach measured across the image axis, px.
+    reach_v: f64,
+}
+
+/// Pixels next to the border of the gradient are not sampled: two more on each side are read.
+const MARGIN: usize = BORDER_PX + 2;
+
+impl<'a> Scan<'a> {
+    /// Lays a track over a gradient.
+    pub fn new(gradient: &'a Gradient, track: Track) -> Self {
+        let (width, height) = (gradient.width, gradient.height);
+        let (size_u, size_v, steps) =
+            if track.along_x { (width, height, [1, width]) } else { (height, width, [width, 1]) };
+        let [dx, dy] = track.direction();
+        Self {
+            gradient,
+            track,
+            low: BORDER_PX as i64,
+            high: size_u as i64 - 1 - BORDER_PX as i64,
+            max_v: size_v as f64 - 1.0 - MARGIN as f64,
+            steps,
+            normal: [-dy as f32, dx as f32],
+            reach_v: REACH_PX * track.stretch(),
+        }
+    }
+
+    /// Index of the pixel nearest to the line at u; `None` near the border.
+    pub fn index(&self, u: i64) -> Option<usize> {
+        let v = self.track.at(u as f64) + 0.5;
+        let inside = u >= self.low && u <= self.high && v >= MARGIN as f64 && v <= self.max_v;
+        // Truncation is rounding here: v is positive.
+        inside.then(|| u as usize * self.steps[0] + v as usize * self.steps[1])
+    }
+
+    /// Index step to the next pixel across the track.
+    pub fn across(&self) -> usize {
+        self.steps[1]
+    }
+
+    /// Gradient along the normal.
+    fn projected(&self, index: usize) -> f32 {
+        let [x, y] = [self.gradient.x[index], self.gradient.y[index]].map(f32::from);
+        x * self.normal[0] + y * self.normal[1]
+    }
+
+    /// The edge at u: the ridge of the gradient along the normal within reach of the line, if it points the right way.
+    pub fn sample(&self, u: i64) -> Option<Sample> {
+        let middle = self.index(u)?;
+        let across = self.steps[1];
+        let [mut before, mut peak, mut after] =
+            [middle - across, middle, middle + across].map(|index| self.projected(index));
+        let mut top = middle;
+        // Climb one pixel at most.
+        if after > peak && after >= before {
+            top = middle + across;
+            [before, peak, after] = [peak, after, self.projected(top + across)];
+        } else if before > peak {
+            top = middle - across;
+            [before, peak, after] = [self.projected(top - across), before, peak];
+        }
+        if peak < MIN_PEAK || before > peak || after > peak {
+            return None;
+        }
+        let [x, y] = [self.gradient.x[top], self.gradient.y[top]].map(f32::from);
+        if peak * peak < MIN_COSINE * MIN_COSINE * (x * x + y * y) {
+            return None;
+        }
+        let predicted = self.track.at(u as f64);
+        let row = (predicted + 0.5) as usize + usize::from(top > middle) - usize::from(top < middle);
+        let v = row as f64 + f64::from(top_of_parabola([before, peak, after]));
+        ((v - predicted).abs() <= self.reach_v).then(|| Sample {
+            u: u as f64,
+            v,
+            weight: weight(f64::from(peak)),
+        })
     }
 }
 

@@ -12,6 +12,8 @@ pub const ZONES: usize = 4;
 const OUTER_PX: f64 = INNER_PX + ZONE_PX * ZONES as f64;
 /// Most cells along the edge.
 pub const MAX_BINS: usize = 12;
+/// Segments longer than this are read every other column, than twice this every third, px.
+const LONG_PX: f64 = 100.0;
 /// Length of a cell, px, where the segment is short enough for it.
 const BIN_PX: f64 = 10.0;
 /// Readings a cell keeps for its median.
@@ -28,17 +30,20 @@ pub struct Reading {
     pub across_px: f64,
     /// Inverse depth, 1/m.
     pub inverse_depth_per_m: f64,
-    /// Cell along the edge.
-    pub bin: u8,
+    /// Cell: zone (0 beside the edge) times [`MAX_BINS`] plus bin along the edge.
+    pub cell: u16,
 }
 
-/// Median of the readings of one cell.
-#[derive(Debug, Clone, Copy)]
-pub struct Cell {
-    /// Mean position and median inverse depth.
-    pub reading: Reading,
-    /// Zone across, 0 beside the edge.
-    pub zone: usize,
+impl Reading {
+    /// Zone across the edge, 0 beside it.
+    pub fn zone(&self) -> usize {
+        usize::from(self.cell) / MAX_BINS
+    }
+
+    /// Bin along the edge.
+    pub fn bin(&self) -> usize {
+        usize::from(self.cell) % MAX_BINS
+    }
 }
 
 /// Fixed-size collection of a cell's readings.
@@ -50,17 +55,15 @@ struct CellBuilder {
     across_px: f64,
 }
 
-/// Everything read around one segment; reused from segment to segment.
+/// Everything read on one side of a segment; reused from segment to segment.
 #[derive(Debug, Default)]
 pub struct Band {
-    /// All readings, left side negative across.
+    /// All readings.
     pub readings: Vec<Reading>,
-    /// Number of pixels looked at on the left and on the right.
-    pub n_pixels: [usize; 2],
-    /// Number of cells along the segment.
+    /// Robust averages: mean position and median inverse depth of each cell with enough readings.
+    pub cells: Vec<Reading>,
+    /// Number of bins along the segment.
     pub n_bins: usize,
-    /// Cell medians on the left and on the right.
-    pub cells: [Vec<Cell>; 2],
     builders: Vec<CellBuilder>,
 }
 
@@ -69,6 +72,8 @@ struct Frame {
     start: [f64; 2],
     direction: [f64; 2],
     length_px: f64,
+    /// Direction over length: share of the way per px.
+    share_per_px: [f64; 2],
     /// Bend of `along` by lens distortion: `along = s + bend s (1 - s)` with `s` linear in the image.
     bend: f64,
 }
@@ -81,13 +86,14 @@ impl Frame {
         let middle = crate::geometry::PixelPoint { x: 0.5 * (start.x + end.x), y: 0.5 * (start.y + end.y) };
         let [from, half, to] = [start, middle, end].map(|pixel| camera.ray_from_pixel(pixel));
         let bend = 4.0 * (share_along(from, to, half) - 0.5);
-        Self { start: [start.x, start.y], direction, length_px, bend }
+        let share_per_px = direction.map(|component| component / length_px);
+        Self { start: [start.x, start.y], direction, length_px, share_per_px, bend }
     }
 
     /// Share of the way along and px across (right hand positive) of a pixel.
     fn locate(&self, x: f64, y: f64) -> (f64, f64) {
         let (dx, dy) = (x - self.start[0], y - self.start[1]);
-        let s = (dx * self.direction[0] + dy * self.direction[1]) / self.length_px;
+        let s = dx * self.share_per_px[0] + dy * self.share_per_px[1];
         (s, dy * self.direction[0] - dx * self.direction[1])
     }
 }
@@ -98,71 +104,74 @@ fn share_along(from: RayPoint, to: RayPoint, point: RayPoint) -> f64 {
     ((point.x - from.x) * dx + (point.y - from.y) * dy) / (dx * dx + dy * dy)
 }
 
-impl Band {
-    /// Replaces the band by that of `segment`, whose length is positive.
-    pub fn read(&mut self, segment: &Segment, depth: &DepthView<'_>, camera: &Camera) {
-        let frame = Frame::new(segment, camera);
-        self.readings.clear();
-        self.n_pixels = [0; 2];
-        self.n_bins = ((frame.length_px / BIN_PX) as usize).clamp(4, MAX_BINS);
-        self.builders.clear();
-        self.builders.resize(2 * ZONES * MAX_BINS, CellBuilder::default());
-        let along_x = frame.direction[0].abs() >= frame.direction[1].abs();
-        let [major, minor] = if along_x { [0, 1] } else { [1, 0] };
-        let slope = frame.direction[minor] / frame.direction[major];
-        let first = frame.start[major];
-        let last = first + frame.direction[major] * frame.length_px;
-        let reach = (OUTER_PX / frame.direction[major].abs()).ceil() as i64;
-        for u in first.min(last).ceil() as i64..=first.max(last).floor() as i64 {
-            let middle = (frame.start[minor] + slope * (u as f64 - first)).round() as i64;
-            for v in middle - reach..=middle + reach {
-                let (x, y) = if along_x { (u, v) } else { (v, u) };
-                self.read_pixel(&frame, depth, (x, y));
+/// Every how many columns a segment of this length is read: neighbours are correlated, so that long segments lose little.
+pub fn column_step(length_px: f64) -> usize {
+    1 + (length_px / LONG_PX) as usize
+}
+
+/// Replaces the bands on the left and on the right of `segment`, whose length is positive.
+pub fn read(bands: &mut [Band; 2], segment: &Segment, depth: &DepthView<'_>, camera: &Camera) {
+    let frame = Frame::new(segment, camera);
+    let n_bins = ((frame.length_px / BIN_PX) as usize).clamp(4, MAX_BINS);
+    bands.iter_mut().for_each(|band| band.reset(n_bins));
+    let along_x = frame.direction[0].abs() >= frame.direction[1].abs();
+    let [major, minor] = if along_x { [0, 1] } else { [1, 0] };
+    let slope = frame.direction[minor] / frame.direction[major];
+    let first = frame.start[major];
+    let last = first + frame.direction[major] * frame.length_px;
+    let reach = (OUTER_PX / frame.direction[major].abs()).ceil() as i64;
+    let columns = first.min(last).ceil() as i64..=first.max(last).floor() as i64;
+    for u in columns.step_by(column_step(frame.length_px)) {
+        let middle = (frame.start[minor] + slope * (u as f64 - first) + 0.5).floor() as i64;
+        for v in middle - reach..=middle + reach {
+            let (x, y) = if along_x { (u, v) } else { (v, u) };
+            let (s, across_px) = frame.locate(x as f64, y as f64);
+            let inside = (0.0..=1.0).contains(&s) && (INNER_PX..OUTER_PX).contains(&across_px.abs());
+            if let (true, Some(depth_m)) = (inside, depth.depth_m(x, y)) {
+                let along = s + frame.bend * s * (1.0 - s);
+                bands[usize::from(across_px > 0.0)].add((along, across_px), 1.0 / depth_m);
             }
         }
-        self.finish_cells();
+    }
+    bands.iter_mut().for_each(Band::find_medians);
+}
+
+impl Band {
+    fn reset(&mut self, n_bins: usize) {
+        self.n_bins = n_bins;
+        self.readings.clear();
+        self.builders.clear();
+        self.builders.resize(ZONES * MAX_BINS, CellBuilder::default());
     }
 
-    fn read_pixel(&mut self, frame: &Frame, depth: &DepthView<'_>, (x, y): (i64, i64)) {
-        let (s, across_px) = frame.locate(x as f64, y as f64);
-        let distance_px = across_px.abs();
-        if !(0.0..=1.0).contains(&s) || !(INNER_PX..OUTER_PX).contains(&distance_px) {
-            return;
-        }
-        let side = usize::from(across_px > 0.0);
-        self.n_pixels[side] += 1;
-        let Some(depth_m) = depth.depth_m(x, y) else { return };
-        let inverse_depth_per_m = 1.0 / depth_m;
-        let along = s + frame.bend * s * (1.0 - s);
-        let bin = ((s * self.n_bins as f64) as usize).min(self.n_bins - 1);
-        self.readings.push(Reading { along, across_px, inverse_depth_per_m, bin: bin as u8 });
-        let zone = (((distance_px - INNER_PX) / ZONE_PX) as usize).min(ZONES - 1);
-        let cell = &mut self.builders[(side * ZONES + zone) * MAX_BINS + bin];
-        if cell.n < CELL_READINGS && (x + y) % 2 == 0 {
-            cell.inverse_depths[cell.n] = inverse_depth_per_m;
-            cell.n += 1;
-            cell.along += along;
-            cell.across_px += across_px;
+    fn add(&mut self, (along, across_px): (f64, f64), inverse_depth_per_m: f64) {
+        let bin = ((along * self.n_bins as f64) as usize).min(self.n_bins - 1);
+        let zone = (((across_px.abs() - INNER_PX) / ZONE_PX) as usize).min(ZONES - 1);
+        let cell = zone * MAX_BINS + bin;
+        // Every other reading is enough for a median, and reaches twice as far along the cell.
+        let is_odd = self.readings.len() % 2 == 1;
+        self.readings.push(Reading { along, across_px, inverse_depth_per_m, cell: cell as u16 });
+        let builder = &mut self.builders[cell];
+        if is_odd && builder.n < CELL_READINGS {
+            builder.inverse_depths[builder.n] = inverse_depth_per_m;
+            builder.n += 1;
+            builder.along += along;
+            builder.across_px += across_px;
         }
     }
 
-    fn finish_cells(&mut self) {
-        self.cells.iter_mut().for_each(Vec::clear);
-        for (idx, builder) in self.builders.iter_mut().enumerate() {
+    fn find_medians(&mut self) {
+        self.cells.clear();
+        for (cell, builder) in self.builders.iter_mut().enumerate() {
             if builder.n < MIN_CELL_READINGS {
                 continue;
             }
             let n = builder.n as f64;
             let values = &mut builder.inverse_depths[..builder.n];
-            let (_, &mut median, _) = values.select_nth_unstable_by(builder.n / 2, f64::total_cmp);
-            let (row, bin) = (idx / MAX_BINS, idx % MAX_BINS);
-            let reading = Reading {
-                along: builder.along / n,
-                across_px: builder.across_px / n,
-                inverse_depth_per_m: median,
-                bin: bin as u8,
-            };
-            self.cells[row / ZONES].push(Cell { reading, zone: row % ZONES });
+            let (_, &mut inverse_depth_per_m, _) =
+                values.select_nth_unstable_by(builder.n / 2, f64::total_cmp);
+            let (along, across_px) = (builder.along / n, builder.across_px / n);
+            self.cells.push(Reading { along, across_px, inverse_depth_per_m, cell: cell as u16 });
         }
     }
 }

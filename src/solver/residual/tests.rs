@@ -20,7 +20,7 @@ pub fn line_between(a_m: [f64; 3], b_m: [f64; 3]) -> EvidenceLine {
             side: EdgeSide::Both,
         }),
     };
-    EvidenceLine::try_new(&observation, 0).expect("a line in front of the camera")
+    EvidenceLine::try_new(&observation).expect("a line in front of the camera")
 }
 
 fn pose() -> Motion {

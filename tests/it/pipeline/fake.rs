@@ -136,7 +136,7 @@ impl FrameSource for FakeSource {
             Mode::Unplugged => return Err(CaptureError::Unplugged(self.info.name.clone())),
             Mode::End => return Err(CaptureError::EndOfStream),
         }
-        let due = self.start + PERIOD * (self.number as u32 + 1);
+        let due = self.start + PERIOD * self.number as u32;
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
         // Like a device: what was due long ago is lost.
         self.number = self.number.max((self.start.elapsed().as_nanos() / PERIOD.as_nanos()) as u64);
@@ -162,7 +162,7 @@ impl FakeSource {
         frame.rgb.clear();
         let shift = self.number * self.control.shift_px.load(Ordering::SeqCst);
         // A wall with bright and dark panels: straight edges with depth.
-        let panel = |i: usize| if ((i % width) as u64 + shift) / 20 % 2 == 0 { 60 } else { 180 };
+        let panel = |i: usize| if (((i % width) as u64 + shift) / 20).is_multiple_of(2) { 60 } else { 180 };
         frame.rgb.extend((0..width * height).flat_map(|i| [panel(i); 3]));
     }
 }
