@@ -7,5 +7,6 @@
 pub mod capture;
 pub mod geometry;
 pub mod image;
+pub mod ipc;
 pub mod lines;
 pub mod solver;

@@ -1,4 +1,4 @@
-//! The one integration binary: the library from outside, one module per subject.
+//! The one integration binary: the library and the programs from outside, one module per subject.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -9,6 +9,7 @@
 mod bad_recording;
 mod fixture;
 mod frame_source;
+mod ipc;
 mod replay;
 mod scripted;
 mod writer;

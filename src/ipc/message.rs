@@ -1,0 +1,168 @@
+//! What the daemon publishes, as plain types: the newest calibration, how collecting goes, how the daemon and its cameras are.
+
+use crate::solver::{RigCalibration, State};
+
+/// Name and serial number of a camera.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CameraIdentity {
+    /// Name from the config, at most 32 bytes.
+    pub name: String,
+    /// Serial number, at most 32 bytes; empty where the back end has none.
+    pub serial: String,
+}
+
+/// The newest calibration of the rig, converged or not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibrationMessage {
+    /// Counts the calibrations of this daemon, from 1.
+    pub sequence: u64,
+    /// When it was made, ns since 1970 (`CLOCK_REALTIME`).
+    pub stamp_ns: u64,
+    /// One per camera, in the order of `calibration.cameras`.
+    pub cameras: Vec<CameraIdentity>,
+    /// The result.
+    pub calibration: RigCalibration,
+}
+
+/// How collecting goes, sent for every frame set at most.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProgressMessage {
+    /// Counts the progress messages of this daemon, from 1; a gap says that the reader was too slow.
+    pub sequence: u64,
+    /// Stamp of the newest frame, ns of the cameras' clock.
+    pub newest_frame_ns: i64,
+    /// When this message was sent, ns of the machine's `CLOCK_MONOTONIC`.
+    pub published_ns: u64,
+    /// From the arrival of the newest frame in the daemon to the sending of this message, ns.
+    pub latency_ns: u64,
+    /// The verdict so far.
+    pub state: State,
+    /// What became of the frame sets.
+    pub frame_sets: FrameSetCounts,
+    /// Lines of the newest frame set, one entry per camera.
+    pub cameras: Vec<CameraLines>,
+    /// The pair with most agreeing matches; `None` before the first match.
+    pub best_pair: Option<BestPair>,
+    /// How far apart the frames of a set are.
+    pub skew: Skew,
+}
+
+/// What became of the frame sets since collecting began.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FrameSetCounts {
+    /// Complete sets that were put together.
+    pub seen: u64,
+    /// Taken as evidence.
+    pub used: u64,
+    /// Refused: skew or motion beyond the limit, or nothing new in them.
+    pub refused: u64,
+    /// Lost because a stage was busy.
+    pub dropped: u64,
+}
+
+/// Lines of one camera in one frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CameraLines {
+    /// Straight segments.
+    pub lines: u32,
+    /// Of these, with depth.
+    pub lifted: u32,
+}
+
+/// The pair that is closest to a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BestPair {
+    /// Index of the target camera.
+    pub target: usize,
+    /// Index of the source camera.
+    pub source: usize,
+    /// Independent matches that agree.
+    pub matches: usize,
+}
+
+/// Difference between the earliest and the latest stamp of a frame set.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Skew {
+    /// Of the newest set, ns.
+    pub last_ns: u64,
+    /// The largest since collecting began, ns.
+    pub max_ns: u64,
+}
+
+/// How the daemon and its cameras are, sent about once a second.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HealthMessage {
+    /// Counts the health messages of this daemon, from 1.
+    pub sequence: u64,
+    /// Since the daemon started, ns.
+    pub uptime_ns: u64,
+    /// One per camera.
+    pub cameras: Vec<CameraHealth>,
+    /// One per stage of the pipeline, at most 8.
+    pub stages: Vec<StageLatency>,
+}
+
+/// How one camera is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraHealth {
+    /// Name from the config, at most 32 bytes.
+    pub name: String,
+    /// What it does.
+    pub state: CameraState,
+    /// Frames it delivered.
+    pub frames: u64,
+    /// Frames that were dropped before they became part of a set.
+    pub dropped: u64,
+    /// How long ago its last frame came, ns; `None` before the first.
+    pub last_frame_age_ns: Option<u64>,
+    /// Frames per second over the last seconds.
+    pub fps_hz: f64,
+}
+
+/// What a camera does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CameraState {
+    /// Opened or being opened, no frame yet.
+    Waiting,
+    /// Delivers frames.
+    Streaming,
+    /// Open but silent for too long.
+    Stalled,
+    /// Not connected; it is taken back when it returns.
+    Unplugged,
+    /// Given up after repeated errors.
+    Failed,
+}
+
+impl CameraState {
+    /// Every state, in the order of the wire format.
+    pub const ALL: [CameraState; 5] = [
+        CameraState::Waiting,
+        CameraState::Streaming,
+        CameraState::Stalled,
+        CameraState::Unplugged,
+        CameraState::Failed,
+    ];
+
+    /// The name in output.
+    pub fn name(self) -> &'static str {
+        match self {
+            CameraState::Waiting => "waiting",
+            CameraState::Streaming => "streaming",
+            CameraState::Stalled => "stalled",
+            CameraState::Unplugged => "unplugged",
+            CameraState::Failed => "failed",
+        }
+    }
+}
+
+/// How long one stage takes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StageLatency {
+    /// Name of the stage, at most 32 bytes.
+    pub stage: String,
+    /// Half of its runs took at most this long, ns.
+    pub p50_ns: u64,
+    /// 99 of 100 runs took at most this long, ns.
+    pub p99_ns: u64,
+}

@@ -1,0 +1,23 @@
+//! The outside view over shared memory (iceoryx2): the daemon's side ([`Server`]) and everybody else's ([`Client`]).
+//!
+//! Per instance of the daemon there are three published topics (calibration, progress, health; the newest of each reaches a late
+//! subscriber), one request-response channel (status, recalibrate, cancel) and two events that wake the waiting side.
+//! Plain types of [`message`] and [`request`] go in and come out; the layout in memory is the matter of [`wire`] alone.
+
+pub mod client;
+pub mod message;
+pub mod names;
+pub mod request;
+pub mod server;
+mod services;
+pub mod wire;
+
+pub use client::{Client, ClientError};
+pub use message::{
+    BestPair, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameSetCounts,
+    HealthMessage, ProgressMessage, Skew, StageLatency,
+};
+pub use names::{InstanceName, InstanceNameError};
+pub use request::{Activity, Outcome, RefusalCode, Request, RequestKind, Response, Snapshot};
+pub use server::{Server, ServerError};
+pub use wire::{MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, MAX_SENTENCE_BYTES, MAX_STAGES, WireError};

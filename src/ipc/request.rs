@@ -1,0 +1,139 @@
+//! What a client may ask the daemon, and what the daemon answers.
+
+use crate::solver::{Reason, State};
+
+/// What is asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RequestKind {
+    /// How are you? Always accepted; the answer is in the snapshot.
+    Status,
+    /// Forget the evidence and calibrate again.
+    Recalibrate,
+    /// Stop the running calibration and keep the last result.
+    Cancel,
+}
+
+impl RequestKind {
+    /// Every kind, in the order of the wire format.
+    pub const ALL: [RequestKind; 3] = [RequestKind::Status, RequestKind::Recalibrate, RequestKind::Cancel];
+}
+
+/// A client's request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Request {
+    /// Counts the requests of one client; the answer carries it back.
+    pub id: u64,
+    /// What is asked.
+    pub kind: RequestKind,
+}
+
+/// The daemon's answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Response {
+    /// Whether it does what was asked.
+    pub outcome: Outcome,
+    /// How the daemon is at that moment.
+    pub snapshot: Snapshot,
+}
+
+/// Whether the daemon does what was asked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// It does (or has done) it.
+    Accepted,
+    /// It is at it already: a calibration runs.
+    Busy,
+    /// It does not.
+    Refused {
+        /// Which of the closed list.
+        code: RefusalCode,
+        /// One sentence: why, and what to do.
+        sentence: String,
+    },
+}
+
+/// Why a request is refused: a closed list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RefusalCode {
+    /// Nothing runs that could be cancelled.
+    NothingToCancel,
+    /// Fewer than two cameras deliver frames.
+    NoCameras,
+    /// The daemon is about to stop.
+    Stopping,
+    /// The request could not be read: another version, or damaged.
+    Unreadable,
+}
+
+impl RefusalCode {
+    /// Every code, in the order of the wire format.
+    pub const ALL: [RefusalCode; 4] = [
+        RefusalCode::NothingToCancel,
+        RefusalCode::NoCameras,
+        RefusalCode::Stopping,
+        RefusalCode::Unreadable,
+    ];
+
+    /// The name in output.
+    pub fn name(self) -> &'static str {
+        match self {
+            RefusalCode::NothingToCancel => "nothing_to_cancel",
+            RefusalCode::NoCameras => "no_cameras",
+            RefusalCode::Stopping => "stopping",
+            RefusalCode::Unreadable => "unreadable",
+        }
+    }
+}
+
+/// How the daemon is at one moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// What it does.
+    pub activity: Activity,
+    /// The verdict of the newest calibration, or of collecting so far.
+    pub state: State,
+    /// Why that is not converged.
+    pub reason: Option<Reason>,
+    /// The newest published calibration; 0 before the first.
+    pub calibration_sequence: u64,
+    /// Since the daemon started, ns.
+    pub uptime_ns: u64,
+    /// Frame sets taken as evidence.
+    pub frame_sets_used: u64,
+    /// Cameras of the rig.
+    pub cameras: u32,
+    /// Of these, delivering frames.
+    pub cameras_streaming: u32,
+}
+
+/// What the daemon does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Activity {
+    /// Opens its cameras.
+    Starting,
+    /// Collects evidence for a calibration.
+    Collecting,
+    /// Has a result and watches whether it still holds.
+    Watching,
+    /// Waits for a request: the last calibration was cancelled or gave up.
+    Idle,
+    /// Is about to end.
+    Stopping,
+}
+
+impl Activity {
+    /// Every activity, in the order of the wire format.
+    pub const ALL: [Activity; 5] =
+        [Activity::Starting, Activity::Collecting, Activity::Watching, Activity::Idle, Activity::Stopping];
+
+    /// The name in output.
+    pub fn name(self) -> &'static str {
+        match self {
+            Activity::Starting => "starting",
+            Activity::Collecting => "collecting",
+            Activity::Watching => "watching",
+            Activity::Idle => "idle",
+            Activity::Stopping => "stopping",
+        }
+    }
+}

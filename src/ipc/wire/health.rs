@@ -1,0 +1,149 @@
+//! `pelical/<instance>/v1/health`: how the daemon and its cameras are.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::parts::FixedText;
+use super::{
+    MAX_CAMERAS, MAX_NAME_BYTES, MAX_STAGES, VERSION, WireError, check_version, code_of, count, count_wire,
+    not_negative, value_of,
+};
+use crate::ipc::message::{CameraHealth, CameraState, HealthMessage, StageLatency};
+
+/// Age of the last frame of a camera that never sent one.
+const NEVER_NS: u64 = u64::MAX;
+
+/// How the daemon and its cameras are, in shared memory.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("PelicalHealthV1")]
+pub struct HealthWire {
+    /// [`VERSION`].
+    pub version: u32,
+    /// Cameras in use.
+    pub n_cameras: u32,
+    /// Stages in use.
+    pub n_stages: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Counts the health messages of this daemon, from 1.
+    pub sequence: u64,
+    /// Since the daemon started, ns.
+    pub uptime_ns: u64,
+    /// The cameras.
+    pub cameras: [CameraHealthWire; MAX_CAMERAS],
+    /// The stages.
+    pub stages: [StageWire; MAX_STAGES],
+}
+
+/// How one camera is.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("PelicalCameraHealthV1")]
+pub struct CameraHealthWire {
+    /// Name from the config.
+    pub name: FixedText<MAX_NAME_BYTES>,
+    /// 1 waiting, 2 streaming, 3 stalled, 4 unplugged, 5 failed.
+    pub state: u32,
+    /// Frames it delivered.
+    pub frames: u64,
+    /// Frames dropped.
+    pub dropped: u64,
+    /// How long ago its last frame came, ns; the largest number for never.
+    pub last_frame_age_ns: u64,
+    /// Frames per second.
+    pub fps_hz: f64,
+}
+
+/// How long one stage takes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[type_name("PelicalStageV1")]
+pub struct StageWire {
+    /// Name of the stage.
+    pub stage: FixedText<MAX_NAME_BYTES>,
+    /// Zero.
+    pub reserved: u32,
+    /// ns.
+    pub p50_ns: u64,
+    /// ns.
+    pub p99_ns: u64,
+}
+
+const NO_CAMERA: CameraHealthWire = CameraHealthWire {
+    name: FixedText::EMPTY,
+    state: 0,
+    frames: 0,
+    dropped: 0,
+    last_frame_age_ns: 0,
+    fps_hz: 0.0,
+};
+
+const NO_STAGE: StageWire = StageWire { stage: FixedText::EMPTY, reserved: 0, p50_ns: 0, p99_ns: 0 };
+
+impl TryFrom<&HealthMessage> for HealthWire {
+    type Error = WireError;
+
+    fn try_from(message: &HealthMessage) -> Result<Self, WireError> {
+        let mut wire = HealthWire {
+            version: VERSION,
+            n_cameras: count_wire("cameras", message.cameras.len(), MAX_CAMERAS)?,
+            n_stages: count_wire("stages", message.stages.len(), MAX_STAGES)?,
+            reserved: 0,
+            sequence: message.sequence,
+            uptime_ns: message.uptime_ns,
+            cameras: [NO_CAMERA; MAX_CAMERAS],
+            stages: [NO_STAGE; MAX_STAGES],
+        };
+        for (slot, camera) in wire.cameras.iter_mut().zip(&message.cameras) {
+            *slot = CameraHealthWire {
+                name: FixedText::exact("camera name", &camera.name)?,
+                state: code_of(&CameraState::ALL, &camera.state),
+                frames: camera.frames,
+                dropped: camera.dropped,
+                last_frame_age_ns: camera.last_frame_age_ns.unwrap_or(NEVER_NS),
+                fps_hz: camera.fps_hz,
+            };
+        }
+        for (slot, stage) in wire.stages.iter_mut().zip(&message.stages) {
+            *slot = StageWire {
+                stage: FixedText::exact("stage name", &stage.stage)?,
+                reserved: 0,
+                p50_ns: stage.p50_ns,
+                p99_ns: stage.p99_ns,
+            };
+        }
+        HealthMessage::try_from(&wire)?;
+        Ok(wire)
+    }
+}
+
+impl TryFrom<&HealthWire> for HealthMessage {
+    type Error = WireError;
+
+    fn try_from(wire: &HealthWire) -> Result<Self, WireError> {
+        check_version(wire.version)?;
+        let n_cameras = count("cameras", wire.n_cameras, MAX_CAMERAS)?;
+        let n_stages = count("stages", wire.n_stages, MAX_STAGES)?;
+        Ok(Self {
+            sequence: wire.sequence,
+            uptime_ns: wire.uptime_ns,
+            cameras: wire.cameras.iter().take(n_cameras).map(camera_of).collect::<Result<_, _>>()?,
+            stages: wire.stages.iter().take(n_stages).map(stage_of).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+fn camera_of(wire: &CameraHealthWire) -> Result<CameraHealth, WireError> {
+    Ok(CameraHealth {
+        name: wire.name.text("camera name")?,
+        state: value_of(&CameraState::ALL, wire.state, "camera state")?,
+        frames: wire.frames,
+        dropped: wire.dropped,
+        last_frame_age_ns: (wire.last_frame_age_ns != NEVER_NS).then_some(wire.last_frame_age_ns),
+        fps_hz: not_negative("camera fps_hz", wire.fps_hz)?,
+    })
+}
+
+fn stage_of(wire: &StageWire) -> Result<StageLatency, WireError> {
+    Ok(StageLatency { stage: wire.stage.text("stage name")?, p50_ns: wire.p50_ns, p99_ns: wire.p99_ns })
+}
