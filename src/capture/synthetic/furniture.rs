@@ -213,7 +213,7 @@ pub(super) fn pillar(builder: &mut Builder, wall: &Wall, height_m: f64) {
 /// Planks that lean on a wall near its left corner, each at another angle.
 pub(super) fn leaning_planks(builder: &mut Builder, wall: &Wall) {
     for _ in 0..2 {
-        let material = builder.wood();
+        let material = builder.plank_wood();
         let foot_m = [builder.random.between(0.2, 0.9), builder.random.between(0.35, 0.6), 0.0];
         let head_m = [builder.random.between(0.15, 1.3), 0.04, builder.random.between(1.5, 2.05)];
         let (wall_from_plank, length_m) = between(foot_m, head_m);

@@ -3,8 +3,9 @@
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::furniture;
+use super::noise_picture::NoisePicture;
 use super::scene::{Builder, FreeSpace, LAMPS, Lamp, Part, Scene, turned};
-use super::texture::{Bar, Grain, NoisePicture, Pattern, Rgb};
+use super::texture::{Bar, Grain, Pattern, Rgb};
 use crate::geometry::motion::Motion;
 
 /// Furniture reaches this far from the walls at most, m.

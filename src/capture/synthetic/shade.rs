@@ -205,16 +205,14 @@ fn sample_offset(i: usize) -> [f32; 2] {
     [(i as f32 + 0.5) / SAMPLES as f32 - 0.5, (reversed as f32 + 0.5) / SAMPLES as f32 - 0.5]
 }
 
-/// Whether one of the eight pixels around shows another face.
+/// Whether one of the four pixels around shows another face; where none does, no straight edge touches the pixel.
 #[inline]
 fn is_at_edge(rays: &Raycaster, x: usize, y: usize) -> bool {
-    let center = rays.hits[y * rays.width + x];
-    let columns = x.saturating_sub(1)..(x + 2).min(rays.width);
-    let differs = |row: usize| {
-        let line = &rays.hits[row * rays.width..(row + 1) * rays.width];
-        line[columns.clone()].iter().any(|hit| *hit != center)
-    };
-    (y.saturating_sub(1)..(y + 2).min(rays.height)).any(differs)
+    let line = |row: usize| &rays.hits[row * rays.width..(row + 1) * rays.width];
+    let (row, center) = (line(y), line(y)[x]);
+    let (above, below) = (line(y.saturating_sub(1)), line((y + 1).min(rays.height - 1)));
+    let (left, right) = (row[x.saturating_sub(1)], row[(x + 1).min(rays.width - 1)]);
+    left != center || right != center || above[x] != center || below[x] != center
 }
 
 /// The blocks seen in a pixel and the eight around it, without the room: that is behind everything.

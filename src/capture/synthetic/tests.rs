@@ -2,11 +2,11 @@ use std::time::Duration;
 
 use nalgebra::{Point3, Vector3};
 
+use super::noise_picture::NoisePicture;
 use super::options::{Noise, Pace, SyntheticOptions};
 use super::raycast::Raycaster;
 use super::scene::{Builder, FreeSpace, Lamp, Part, Scene, turned};
 use super::shade::Shaded;
-use super::texture::NoisePicture;
 use super::trajectory::rig_radius_m;
 use super::{SyntheticFactory, room};
 use crate::capture::{CaptureError, DeviceFactory, FrameSource, RgbdFrame};

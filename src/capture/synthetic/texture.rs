@@ -3,6 +3,7 @@
 //! Every pattern is filtered with the footprint of the pixel (edges by box coverage, grain by a pyramid), so an edge in a
 //! texture lies where geometry says, to a few hundredths of a pixel, and nothing makes moiré.
 
+use super::noise_picture::{NoisePicture, floor};
 use super::random::Random;
 
 /// Linear RGB reflectance, 0 to 1.
@@ -152,19 +153,6 @@ fn mix(a: Rgb, b: Rgb, share: f32) -> Rgb {
     [channel(0), channel(1), channel(2)]
 }
 
-/// `f32::floor` without the library call that processors without SSE 4.1 need; for values that fit an `i32`.
-#[inline]
-fn floor(value: f32) -> f32 {
-    let cut = value as i32 as f32;
-    if cut > value { cut - 1.0 } else { cut }
-}
-
-/// log2 of a positive number, exact at powers of two and linear between: enough to choose a level of a pyramid.
-#[inline]
-fn coarse_log2(value: f32) -> f32 {
-    value.to_bits() as f32 / (1u32 << 23) as f32 - 127.0
-}
-
 /// Share of a pixel of this width beyond an edge at signed distance `beyond_m` before its centre.
 fn coverage(beyond_m: f32, width_m: f32) -> f32 {
     (0.5 + beyond_m / width_m).clamp(0.0, 1.0)
@@ -235,95 +223,6 @@ fn border(spot: &Spot, inset_m: f32, width_m: f32) -> f32 {
     within(inset_m) - within(inset_m + width_m)
 }
 
-const NOISE_LEVELS: usize = 9;
-const NOISE_SIDE: usize = 1 << (NOISE_LEVELS - 1);
-
-/// A tileable picture of fractal noise, -1 to 1, with its pyramid.
-#[derive(Debug, Clone)]
-pub(super) struct NoisePicture {
-    levels: Vec<Vec<f32>>,
-}
-
-impl NoisePicture {
-    pub(super) fn new(seed: u64) -> Self {
-        let mut finest = vec![0.0f32; NOISE_SIDE * NOISE_SIDE];
-        // Octaves of 8 to 128 cells per side.
-        for octave in 3..8 {
-            add_octave(&mut finest, 1 << octave, &mut Random::keyed(seed, &[0x7E87, octave]));
-        }
-        let peak = finest.iter().fold(0.0f32, |peak, v| peak.max(v.abs()));
-        finest.iter_mut().for_each(|v| *v /= peak);
-        let mut levels = vec![finest];
-        while let Some(coarser) = levels.last().and_then(|finer| halved(finer)) {
-            levels.push(coarser);
-        }
-        Self { levels }
-    }
-
-    /// The noise around `position` (in pictures), averaged over a square of this squared width.
-    #[inline]
-    fn sample(&self, position: [f32; 2], width_squared: f32) -> f32 {
-        let texels_squared = width_squared * (NOISE_SIDE * NOISE_SIDE) as f32;
-        let level = (0.5 * coarse_log2(texels_squared.max(1.0))).min((NOISE_LEVELS - 1) as f32);
-        let lower = (level as usize).min(NOISE_LEVELS - 2);
-        let share = level - lower as f32;
-        let fine = self.bilinear(lower, position);
-        // Surfaces seen from close by need no second look-up.
-        if share <= 0.0 {
-            return fine;
-        }
-        fine + (self.bilinear(lower + 1, position) - fine) * share
-    }
-
-    #[inline]
-    fn bilinear(&self, level: usize, position: [f32; 2]) -> f32 {
-        let shift = NOISE_LEVELS - 1 - level;
-        let (side, mask) = ((1usize << shift) as f32, (1i32 << shift) - 1);
-        // A texel's centre is at +0.5, on every level.
-        let (x, y) = (position[0] * side - 0.5, position[1] * side - 0.5);
-        let (x0, y0) = (floor(x), floor(y));
-        let (fx, fy) = (x - x0, y - y0);
-        let (x0, y0) = (x0 as i32, y0 as i32);
-        let texels = &self.levels[level];
-        let texel = |x: i32, y: i32| texels[(((y & mask) << shift) + (x & mask)) as usize];
-        let row = |y: i32| {
-            let left = texel(x0, y);
-            left + (texel(x0 + 1, y) - left) * fx
-        };
-        let (top, bottom) = (row(y0), row(y0 + 1));
-        top + (bottom - top) * fy
-    }
-}
-
-fn add_octave(picture: &mut [f32], cells: usize, random: &mut Random) {
-    let lattice: Vec<f32> = (0..cells * cells).map(|_| random.gaussian()).collect();
-    let amplitude = 1.0 / (cells as f32).sqrt();
-    let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
-    for (i, value) in picture.iter_mut().enumerate() {
-        let at = [i % NOISE_SIDE, i / NOISE_SIDE].map(|p| p as f32 * cells as f32 / NOISE_SIDE as f32);
-        let [x, y] = at.map(|p| p as usize);
-        let [fx, fy] = at.map(|p| smooth(p - p.floor()));
-        let node = |x: usize, y: usize| lattice[(y % cells) * cells + x % cells];
-        let top = node(x, y) * (1.0 - fx) + node(x + 1, y) * fx;
-        let bottom = node(x, y + 1) * (1.0 - fx) + node(x + 1, y + 1) * fx;
-        *value += amplitude * (top * (1.0 - fy) + bottom * fy);
-    }
-}
-
-/// The next level of the pyramid; `None` after the single texel.
-fn halved(finer: &[f32]) -> Option<Vec<f32>> {
-    let side = finer.len().isqrt();
-    if side < 2 {
-        return None;
-    }
-    let half = side / 2;
-    let average = |i: usize| {
-        let corner = (i / half) * 2 * side + (i % half) * 2;
-        0.25 * (finer[corner] + finer[corner + 1] + finer[corner + side] + finer[corner + side + 1])
-    };
-    Some((0..half * half).map(average).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -346,16 +245,5 @@ mod tests {
             let share = pulses(spot(0.013 * step as f32, 0.05).along([1.0, 0.0]), 0.01, 0.3);
             assert!((share - 0.3).abs() < 0.05, "share {share}");
         }
-    }
-
-    #[test]
-    fn noise_fades_with_the_size_of_the_pixel() {
-        let noise = NoisePicture::new(5);
-        let spread = |width: f32| {
-            (0..400)
-                .map(|i| noise.sample([0.37 * i as f32, 0.11 * i as f32], width * width).abs())
-                .fold(0.0f32, f32::max)
-        };
-        assert!(spread(0.001) > 0.3 && spread(0.5) < 0.1, "{} {}", spread(0.001), spread(0.5));
     }
 }
