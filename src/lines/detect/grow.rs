@@ -11,7 +11,7 @@ const MAX_ROUNDS: usize = 5;
 /// Growth below this share does not pay for another round.
 const MIN_GAIN: f64 = 0.02;
 /// A gap is bridged up to this share of the length so far ...
-const GAP_SHARE: f64 = 0.35;
+const GAP_SHARE: f64 = 0.25;
 /// ... within these limits, px.
 const GAP_LIMITS_PX: [f64; 2] = [5.0, 45.0];
 /// Least share of columns with a sample.
@@ -21,7 +21,7 @@ const MIN_COSINE_SAME: f64 = 0.985;
 /// Largest share of a segment's columns that another segment of its direction may own.
 const MAX_OWNED: f64 = 0.4;
 /// Systematic part of the uncertainty across, px: aliasing, lens blur, compression.
-const SIGMA_FLOOR_PX: f64 = 0.1;
+const SIGMA_FLOOR_PX: f64 = 0.13;
 /// Samples closer than this are correlated by the filters, px.
 const CORRELATION_PX: f64 = 3.0;
 /// Block for the slow part of the residuals, samples.

@@ -6,6 +6,9 @@ use super::gradient::{BORDER_PX, Gradient};
 /// Longest chain, px; a longer edge goes on as another chain.
 pub const MAX_CHAIN_PX: usize = 8192;
 
+/// Spacing of the rows and columns that are searched for anchors, px.
+const ANCHOR_GRID_PX: usize = 4;
+
 /// A point of an edge, sub-pixel, px.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgePoint {
@@ -39,7 +42,7 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Calls `take` with each chain of at least `min_px` points, in order along the edge.
+    /// Calls `take` with each chain of points, in order along the edge.
     pub fn trace(&mut self, gradient: &Gradient, limits: TraceLimits, mut take: impl FnMut(&[EdgePoint])) {
         self.used.clear();
         self.used.resize(gradient.magnitude.len(), false);
@@ -47,7 +50,9 @@ impl Tracer {
         self.chain.reserve(2 * MAX_CHAIN_PX);
         for y in BORDER_PX + 1..gradient.height - BORDER_PX - 1 {
             let row = y * gradient.width;
-            for x in BORDER_PX + 1..gradient.width - BORDER_PX - 1 {
+            // Anchors are looked for on a grid of lines: an edge worth having crosses one.
+            let stride = if y % ANCHOR_GRID_PX == 0 { 1 } else { ANCHOR_GRID_PX };
+            for x in (BORDER_PX + 1..gradient.width - BORDER_PX - 1).step_by(stride) {
                 if gradient.magnitude[row + x] >= limits.anchor
                     && !self.used[row + x]
                     && is_ridge(gradient, row + x)

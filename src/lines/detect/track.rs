@@ -5,8 +5,8 @@ use crate::geometry::PixelPoint;
 
 /// Least cosine between the gradient at a sample and the edge's normal (22 degrees).
 const MIN_COSINE: f32 = 0.927;
-/// Least gradient of a sample along the normal, counts: one gray level per pixel.
-const MIN_PEAK: f32 = 1.0 * COUNTS_PER_LEVEL as f32;
+/// Least gradient of a sample along the normal, counts: little below the least gradient of a chain.
+const MIN_PEAK: f32 = 0.8 * COUNTS_PER_LEVEL as f32;
 /// Largest distance of a sample from the predicted line, px.
 const REACH_PX: f64 = 1.0;
 /// Scale of the robust weights, px: localisation of a single sample is mostly better than this.
