@@ -89,6 +89,7 @@ fn verdict_limits(file: &EstimateSection) -> Result<VerdictLimits, Refusal> {
         max_sigma_translation_m: file.max_sigma_translation_mm * 1e-3,
         max_sigma_rotation_rad: file.max_sigma_rotation_deg.to_radians(),
         max_free_space_violated: file.max_free_space_violated,
+        ..VerdictLimits::default()
     })
 }
 
