@@ -1,6 +1,7 @@
 //! `pelical demo`: this program once more as the daemon of a synthetic rig, and a client that waits for its result and compares
 //! it with the truth. The result comes over the same shared memory as a real one.
 
+use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -50,6 +51,8 @@ impl DaemonProcess {
             .args(["demo-daemon", "--instance", instance.as_str()])
             .stdin(Stdio::null())
             .stdout(Stdio::null())
+            // Ctrl-C on the terminal is for the client alone, which then stops the daemon.
+            .process_group(0)
             .spawn();
         child.map(Self).map_err(CliError::system("cannot start the daemon"))
     }

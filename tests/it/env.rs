@@ -1,6 +1,5 @@
 //! What every black-box test needs: a folder and an instance name of its own, the built programs, and nothing left behind.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -58,14 +57,14 @@ impl TestEnv {
     /// The daemon, left running.
     pub fn start_daemon(&self, config: &Path) -> Running {
         let mut command = Command::new(env!("CARGO_BIN_EXE_pelicald"));
-        Running::start(command.arg("--config").arg(config), self.path("daemon.log"))
+        Running::start(command.arg("--config").arg(config), self.path("daemon"))
     }
 
     /// The client with this test's instance, left running.
     pub fn start_pelical(&self, arguments: &[&str]) -> Running {
         let mut command = Command::new(env!("CARGO_BIN_EXE_pelical"));
         command.args(["--instance", &self.instance]).args(arguments).current_dir(self.folder.path());
-        Running::start(&mut command, self.path("client.log"))
+        Running::start(&mut command, self.path("client"))
     }
 
     /// Asks for the status until `accept` likes it; the last status as JSON.
@@ -145,25 +144,33 @@ impl Ended {
 /// A program that runs; killed when dropped.
 pub struct Running {
     child: Child,
-    log: PathBuf,
+    stdout: PathBuf,
+    stderr: PathBuf,
 }
 
 impl Running {
     fn start(command: &mut Command, log: PathBuf) -> Self {
-        let file = std::fs::File::create(&log).expect("a log file");
-        let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(file).spawn();
-        Self { child: child.expect("the program was built"), log }
+        let (stdout, stderr) = (log.with_extension("out"), log.with_extension("err"));
+        let file = |path: &Path| std::fs::File::create(path).expect("a log file");
+        let child = command.stdin(Stdio::null()).stdout(file(&stdout)).stderr(file(&stderr)).spawn();
+        Self { child: child.expect("the program was built"), stdout, stderr }
     }
 
+    /// Sends a signal by its name, as `TERM`.
     pub fn signal(&self, name: &str) {
         let pid = self.child.id().to_string();
         let sent = Command::new("kill").args(["-s", name, &pid]).status().expect("kill is there");
         assert!(sent.success(), "signal {name} to {pid}");
     }
 
-    /// What it has said on stderr.
+    /// What it has printed so far.
+    pub fn printed(&self) -> String {
+        std::fs::read_to_string(&self.stdout).unwrap_or_default()
+    }
+
+    /// What it has said on stderr so far.
     pub fn talk(&self) -> String {
-        std::fs::read_to_string(&self.log).unwrap_or_default()
+        std::fs::read_to_string(&self.stderr).unwrap_or_default()
     }
 
     /// Waits for its end; what it printed comes back.
@@ -171,11 +178,7 @@ impl Running {
     pub fn wait(mut self) -> Ended {
         let status = poll(|| self.child.try_wait().expect("a child of ours"));
         let status = status.unwrap_or_else(|| panic!("it did not end: {}", self.talk()));
-        let mut stdout = String::new();
-        if let Some(mut pipe) = self.child.stdout.take() {
-            pipe.read_to_string(&mut stdout).expect("text");
-        }
-        Ended { code: status.code().unwrap_or(-1), stdout, stderr: self.talk() }
+        Ended { code: status.code().unwrap_or(-1), stdout: self.printed(), stderr: self.talk() }
     }
 }
 

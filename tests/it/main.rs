@@ -17,4 +17,5 @@ mod ipc;
 mod pipeline;
 mod replay;
 mod scripted;
+mod synthetic_pair;
 mod writer;

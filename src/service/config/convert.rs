@@ -9,7 +9,7 @@ use super::sections::{
 };
 use crate::capture::synthetic::{self, Noise, SyntheticOptions};
 use crate::lines::{DetectOptions, LiftOptions};
-use crate::pipeline::{MotionOptions, PipelineOptions, SyncOptions};
+use crate::pipeline::{MotionOptions, PipelineOptions, SolveOptions, SyncOptions};
 use crate::solver::{EstimateOptions, EvidenceLimits, VerdictLimits};
 
 /// Everything between frames and results.
@@ -19,14 +19,15 @@ use crate::solver::{EstimateOptions, EvidenceLimits, VerdictLimits};
 pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Refusal> {
     within("lines.threads", file.lines.threads as f64, (0.0, 64.0))?;
     within("sync.max_speed_px_per_s", file.sync.max_speed_px_per_s, (1.0, 100_000.0))?;
+    within("estimate.min_new_sets", f64::from(file.estimate.min_new_sets), (1.0, 1_000.0))?;
     Ok(PipelineOptions {
         detect: detect_options(&file.lines)?,
         lift: lift_options(&file.lines)?,
         estimate: estimate_options(&file.estimate)?,
         motion: MotionOptions { max_speed_px_per_s: file.sync.max_speed_px_per_s },
         sync: sync_options(&file.sync)?,
+        solve: SolveOptions { min_new_sets: file.estimate.min_new_sets, ..SolveOptions::default() },
         n_line_threads: file.lines.threads,
-        ..PipelineOptions::default()
     })
 }
 

@@ -11,7 +11,7 @@ use super::serial::Serial;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::InstanceName;
 use crate::lines::{DetectOptions, LiftOptions};
-use crate::pipeline::{MotionOptions, SyncOptions};
+use crate::pipeline::{MotionOptions, SolveOptions, SyncOptions};
 use crate::solver::EstimateOptions;
 
 /// The whole file.
@@ -315,6 +315,8 @@ pub struct EstimateSection {
     pub max_lines_per_view: usize,
     /// Frame sets kept.
     pub max_sets: usize,
+    /// Frame sets with new evidence between two solutions of the daemon.
+    pub min_new_sets: u32,
     /// Least number of independent matches of a converged pair.
     pub min_matches: usize,
     /// Least number of distinct rig views of a converged pair.
@@ -338,6 +340,7 @@ impl Default for EstimateSection {
             max_baseline_m,
             max_lines_per_view: evidence.max_lines_per_view,
             max_sets: evidence.max_sets,
+            min_new_sets: SolveOptions::default().min_new_sets,
             min_matches: verdict.min_matches,
             min_views: verdict.min_views,
             min_lead: verdict.min_lead,
