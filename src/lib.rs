@@ -9,4 +9,5 @@ pub mod geometry;
 pub mod image;
 pub mod ipc;
 pub mod lines;
+pub mod pipeline;
 pub mod solver;

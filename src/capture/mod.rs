@@ -7,6 +7,7 @@ pub mod frame;
 pub mod recording;
 pub mod replay;
 pub mod scripted;
+pub mod synthetic;
 pub mod writer;
 
 use std::path::{Path, PathBuf};

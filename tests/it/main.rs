@@ -10,6 +10,7 @@ mod bad_recording;
 mod fixture;
 mod frame_source;
 mod ipc;
+mod pipeline;
 mod replay;
 mod scripted;
 mod writer;

@@ -1,0 +1,211 @@
+//! One camera's thread: opens the device, pulls frames, reopens what went away. A dead camera is a state, never the end.
+
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::capture::{CaptureError, FrameSource, RgbdFrame};
+use crate::geometry::Camera;
+
+use super::CameraSlot;
+use super::buffers::FrameSlot;
+use super::event::CameraState;
+use super::shared::Shared;
+
+/// Longest wait inside a source: short, so that a stop is noticed even while a camera stalls.
+const FRAME_TIMEOUT: Duration = Duration::from_millis(100);
+/// First and longest pause before a device is looked for again.
+const BACKOFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
+/// So many errors in a row without a frame are a failed camera: it is closed and opened again.
+const MAX_ERRORS_IN_A_ROW: u32 = 10;
+
+/// The capture thread of one camera.
+pub(super) struct CaptureLoop {
+    pub(super) shared: Arc<Shared>,
+    pub(super) slot: CameraSlot,
+    pub(super) camera: usize,
+    pub(super) reopen_after: Duration,
+}
+
+/// Why a stream of frames ended.
+enum StreamEnd {
+    /// The pipeline stops.
+    Stopped,
+    /// There will be no more frames.
+    Ended,
+    /// Open it again.
+    Lost { state: CameraState, detail: String },
+}
+
+impl CaptureLoop {
+    /// Runs until the pipeline stops or the recording ends.
+    pub(super) fn run(mut self) {
+        let mut pause = BACKOFF.0;
+        while !self.shared.is_stopping() {
+            let frames_before = self.frames();
+            match self.open_and_stream() {
+                StreamEnd::Stopped => return,
+                StreamEnd::Ended => {
+                    self.shared.change_camera(self.camera, CameraState::Ended, "");
+                    return;
+                }
+                StreamEnd::Lost { state, detail } => {
+                    self.shared.change_camera(self.camera, state, &detail);
+                }
+            }
+            let worked = self.frames() > frames_before;
+            pause = if worked { BACKOFF.0 } else { (pause * 2).min(BACKOFF.1) };
+            self.rest(pause);
+        }
+    }
+
+    fn frames(&self) -> u64 {
+        self.shared.cameras[self.camera].frames.get()
+    }
+
+    fn open_and_stream(&mut self) -> StreamEnd {
+        match self.slot.factory.open(&self.slot.serial) {
+            Ok(mut source) => self.stream(source.as_mut()),
+            Err(CaptureError::EndOfStream) => StreamEnd::Ended,
+            Err(error) => StreamEnd::Lost { state: self.state_without(&error), detail: error.to_string() },
+        }
+    }
+
+    /// The state of a camera that did not open: one that was there before stays "unplugged".
+    fn state_without(&self, error: &CaptureError) -> CameraState {
+        match (error, self.shared.cameras[self.camera].state()) {
+            (CaptureError::NotFound { .. }, CameraState::Waiting) => CameraState::Waiting,
+            (CaptureError::NotFound { .. } | CaptureError::Unplugged(_), _) => CameraState::Unplugged,
+            _ => CameraState::Failed,
+        }
+    }
+
+    fn stream(&mut self, source: &mut dyn FrameSource) -> StreamEnd {
+        let intrinsics = source.info().camera;
+        self.size_buffers(&intrinsics);
+        self.shared.cameras[self.camera].note_frame(self.shared.since_start());
+        self.shared.change_camera(self.camera, CameraState::Streaming, "");
+        let mut stream = Stream { shared: &self.shared, camera: self.camera, intrinsics, sequence: None };
+        let mut errors_in_a_row = 0;
+        let mut last_frame = Instant::now();
+        let mut spare = None;
+        while !self.shared.is_stopping() {
+            let Some(mut slot) = spare.take().or_else(|| stream.free_slot()) else {
+                thread::park_timeout(Duration::from_millis(1));
+                continue;
+            };
+            let answer = source.next_frame(&mut slot.frame, FRAME_TIMEOUT);
+            match answer {
+                Ok(()) if stream.is_usable(&slot.frame) => {
+                    (errors_in_a_row, last_frame) = (0, Instant::now());
+                    stream.hand_over(slot);
+                    continue;
+                }
+                Ok(()) => self.shared.counters.bad_frames.add_one(),
+                Err(CaptureError::Timeout(_)) if last_frame.elapsed() > self.reopen_after => {
+                    return stream.end(slot, CameraState::Stalled, "reopening it");
+                }
+                Err(CaptureError::Timeout(_)) => {}
+                Err(CaptureError::EndOfStream) => {
+                    self.shared.queues.recycle_frame(slot);
+                    return StreamEnd::Ended;
+                }
+                Err(error @ (CaptureError::Unplugged(_) | CaptureError::NotFound { .. })) => {
+                    return stream.end(slot, CameraState::Unplugged, &error.to_string());
+                }
+                Err(error) => {
+                    self.shared.counters.bad_frames.add_one();
+                    errors_in_a_row += 1;
+                    if errors_in_a_row >= MAX_ERRORS_IN_A_ROW {
+                        return stream.end(slot, CameraState::Failed, &error.to_string());
+                    }
+                    tracing::debug!(camera = self.slot.name, "bad frame: {error}");
+                }
+            }
+            spare = Some(slot);
+        }
+        StreamEnd::Stopped
+    }
+
+    /// Gives every free buffer the size of this camera's frames, so that the stream itself allocates nothing.
+    fn size_buffers(&self, intrinsics: &Camera) {
+        let n_pixels = intrinsics.width_px() as usize * intrinsics.height_px() as usize;
+        let pool = &self.shared.queues.frame_pools[self.camera];
+        for _ in 0..pool.len() {
+            let Some(mut slot) = pool.pop() else { return };
+            let RgbdFrame { rgb, depth, .. } = &mut slot.frame;
+            rgb.reserve_exact((3 * n_pixels).saturating_sub(rgb.len()));
+            depth.reserve_exact(n_pixels.saturating_sub(depth.len()));
+            self.shared.queues.recycle_frame(slot);
+        }
+    }
+
+    /// Sleeps, but not through a stop.
+    fn rest(&self, pause: Duration) {
+        let until = Instant::now() + pause;
+        while !self.shared.is_stopping() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return;
+            }
+            thread::park_timeout(left);
+        }
+    }
+}
+
+/// An open camera on the frame path.
+struct Stream<'a> {
+    shared: &'a Shared,
+    camera: usize,
+    intrinsics: Camera,
+    sequence: Option<u64>,
+}
+
+impl Stream<'_> {
+    /// A buffer to fill; when all are on their way, the oldest that sync has not fetched is taken back and counted.
+    fn free_slot(&self) -> Option<Box<FrameSlot>> {
+        let queues = &self.shared.queues;
+        queues.frame_pools[self.camera].pop().or_else(|| {
+            let oldest = queues.frames[self.camera].pop()?;
+            self.count_drop();
+            Some(oldest)
+        })
+    }
+
+    /// Whether the frame has the size the camera promised.
+    fn is_usable(&self, frame: &RgbdFrame) -> bool {
+        let promised = (self.intrinsics.width_px() as usize, self.intrinsics.height_px() as usize);
+        frame.is_consistent() && (frame.width, frame.height) == promised
+    }
+
+    fn hand_over(&mut self, mut slot: Box<FrameSlot>) {
+        let (shared, camera) = (self.shared, self.camera);
+        slot.arrival = Instant::now();
+        slot.intrinsics = Some(self.intrinsics);
+        let sequence = slot.frame.sequence;
+        let expected = self.sequence.map_or(sequence, |last| last + 1);
+        shared.counters.lost_frames.add(sequence.saturating_sub(expected));
+        self.sequence = Some(sequence);
+        shared.counters.frames.add_one();
+        shared.cameras[camera].frames.add_one();
+        shared.cameras[camera].note_frame(slot.arrival.duration_since(shared.started));
+        if shared.cameras[camera].state() != CameraState::Streaming {
+            shared.change_camera(camera, CameraState::Streaming, "again");
+        }
+        if let Some(evicted) = shared.queues.frames[camera].force_push(slot) {
+            self.count_drop();
+            shared.queues.recycle_frame(evicted);
+        }
+        shared.wakers.sync.wake();
+    }
+
+    fn count_drop(&self) {
+        self.shared.counters.dropped_frames.add_one();
+        self.shared.cameras[self.camera].dropped.add_one();
+    }
+
+    fn end(&self, slot: Box<FrameSlot>, state: CameraState, detail: &str) -> StreamEnd {
+        self.shared.queues.recycle_frame(slot);
+        StreamEnd::Lost { state, detail: detail.to_owned() }
+    }
+}

@@ -1,0 +1,202 @@
+//! The estimator's thread: collects line sets, solves when enough new evidence has come. It may take seconds; nobody waits for it.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::capture::StampNs;
+use crate::geometry::{Camera, CameraView};
+use crate::solver::{RigCalibration, RigEstimator, State};
+
+use super::MAX_CAMERAS;
+use super::buffers::LineSet;
+use super::event::{Phase, PipelineEvent, Solved};
+use super::options::SolveOptions;
+use super::shared::Shared;
+use super::stage::Stage;
+
+/// Below every other thread of the pipeline, so that frames are never late because of a solution.
+const NICE: i32 = 10;
+
+/// Collects views and solves for the rig; another one can be put into the pipeline, in tests for example.
+pub trait Estimator: Send {
+    /// Takes one frame set; whether it brought new evidence.
+    fn add(&mut self, views: &[Option<CameraView>]) -> bool;
+
+    /// The best estimate so far.
+    fn solve(&self) -> RigCalibration;
+}
+
+impl Estimator for RigEstimator {
+    fn add(&mut self, views: &[Option<CameraView>]) -> bool {
+        RigEstimator::add(self, views)
+    }
+
+    fn solve(&self) -> RigCalibration {
+        RigEstimator::solve(self)
+    }
+}
+
+/// Makes an estimator without evidence for the given cameras.
+pub type MakeEstimator = dyn Fn(Vec<Camera>) -> Box<dyn Estimator> + Send;
+
+/// Collects and solves.
+pub(super) struct EstimateStage {
+    shared: Arc<Shared>,
+    options: SolveOptions,
+    make: Box<MakeEstimator>,
+    estimator: Option<Box<dyn Estimator>>,
+    /// Intrinsics as far as they are known: a camera that was never there has none.
+    intrinsics: [Option<Camera>; MAX_CAMERAS],
+    views: Vec<Option<CameraView>>,
+    evidence: Evidence,
+}
+
+/// What was collected in this round.
+#[derive(Debug, Default)]
+struct Evidence {
+    round: u64,
+    seen: u64,
+    accepted: u64,
+    accepted_at_last_solve: u64,
+    last_accepted: Option<Instant>,
+    newest_stamp: StampNs,
+}
+
+impl Evidence {
+    /// Whether a solution is worth its time.
+    fn is_worth_solving(&self, options: &SolveOptions) -> bool {
+        let new = self.accepted - self.accepted_at_last_solve;
+        let has_grown = new as f64 >= options.min_growth * self.accepted_at_last_solve as f64;
+        let quiet = self.last_accepted.map_or(Duration::ZERO, |last| last.elapsed());
+        new > 0 && ((new >= u64::from(options.min_new_sets) && has_grown) || quiet >= options.after_quiet)
+    }
+}
+
+impl EstimateStage {
+    pub(super) fn new(shared: Arc<Shared>, options: SolveOptions, make: Box<MakeEstimator>) -> Self {
+        let views = vec![None; shared.cameras.len()];
+        let intrinsics = [None; MAX_CAMERAS];
+        Self { shared, options, make, estimator: None, intrinsics, views, evidence: Evidence::default() }
+    }
+
+    /// Forgets the evidence when a new round of collecting has begun, and what was seen before it.
+    fn notice_new_round(&mut self) {
+        let round = self.shared.phase.round();
+        if self.evidence.round != round {
+            self.forget();
+            self.evidence.round = round;
+            let queues = &self.shared.queues;
+            while let Some(set) = queues.sets.pop() {
+                queues.recycle_set(set);
+            }
+        }
+    }
+
+    fn forget(&mut self) {
+        self.estimator = None;
+        self.evidence = Evidence { round: self.evidence.round, ..Evidence::default() };
+    }
+
+    /// Takes note of the set's intrinsics. New ones make the evidence so far useless, and a camera's first ones restart the estimator,
+    /// because it is made for all cameras at once.
+    fn notice_intrinsics(&mut self, set: &LineSet) {
+        for slot in set.slots.iter().flatten() {
+            if slot.intrinsics.is_some() && self.intrinsics[slot.camera] != slot.intrinsics {
+                self.intrinsics[slot.camera] = slot.intrinsics;
+                if self.evidence.accepted > 0 {
+                    let camera = &self.shared.cameras[slot.camera].name;
+                    tracing::info!(camera, "camera is new to the rig: collecting starts over");
+                }
+                self.forget();
+            }
+        }
+    }
+
+    fn add(&mut self, mut set: Box<LineSet>) {
+        let _span = tracing::trace_span!("add", set = set.header.id).entered();
+        self.notice_intrinsics(&set);
+        // A camera that was never there borrows intrinsics: without views they are not used.
+        let n_cameras = self.views.len();
+        if self.estimator.is_none()
+            && let Some(known) = self.intrinsics.iter().flatten().next()
+        {
+            let cameras = self.intrinsics[..n_cameras].iter().map(|camera| camera.unwrap_or(*known));
+            self.estimator = Some((self.make)(cameras.collect()));
+        }
+        self.swap_views(&mut set);
+        let is_new = self.estimator.as_mut().is_some_and(|estimator| estimator.add(&self.views));
+        self.swap_views(&mut set);
+        self.evidence.seen += 1;
+        self.evidence.newest_stamp = self.evidence.newest_stamp.max(set.header.newest_stamp);
+        if is_new {
+            self.evidence.accepted += 1;
+            self.evidence.last_accepted = Some(Instant::now());
+            self.shared.counters.accepted_sets.add_one();
+        } else {
+            self.shared.counters.repeated_sets.add_one();
+        }
+        self.shared.queues.recycle_set(set);
+    }
+
+    /// Moves the views of a set to the form the estimator takes, or back: no view is copied.
+    fn swap_views(&mut self, set: &mut LineSet) {
+        for (view, slot) in self.views.iter_mut().zip(&mut set.slots) {
+            let Some(slot) = slot else { continue };
+            match view.take() {
+                None => *view = Some(std::mem::take(&mut slot.found.view)),
+                Some(moved) => slot.found.view = moved,
+            }
+        }
+    }
+
+    fn solve(&mut self) {
+        let Some(estimator) = &self.estimator else { return };
+        self.evidence.accepted_at_last_solve = self.evidence.accepted;
+        let start = Instant::now();
+        let calibration = {
+            let _span = tracing::trace_span!("solve").entered();
+            estimator.solve()
+        };
+        let took = start.elapsed();
+        self.shared.latencies.solve.record(took);
+        self.shared.counters.solves.add_one();
+        tracing::debug!(state = calibration.state.name(), ms = took.as_millis() as u64, "solved");
+        // What was cancelled or begun anew meanwhile is not published.
+        let round = self.evidence.round;
+        let is_wanted = if calibration.state == State::Converged {
+            self.shared.phase.end(Some(round), Phase::Watching)
+        } else {
+            self.shared.phase.is_collecting(round)
+        };
+        if is_wanted {
+            let Evidence { newest_stamp, seen: sets_seen, .. } = self.evidence;
+            let solved = Solved { calibration, newest_stamp, sets_seen, took };
+            self.shared.tell_surely(PipelineEvent::Calibration(Box::new(solved)));
+        }
+    }
+}
+
+impl Stage for EstimateStage {
+    fn register(&mut self) {
+        self.shared.wakers.estimate.register();
+        if let Err(error) = rustix::process::setpriority_process(None, NICE) {
+            tracing::debug!("the estimator keeps its priority: {error}");
+        }
+    }
+
+    fn step(&mut self) -> bool {
+        self.notice_new_round();
+        let set = self.shared.queues.sets.pop();
+        let had_set = set.is_some();
+        let round = self.evidence.round;
+        match set {
+            Some(set) if self.shared.phase.is_collecting(round) => self.add(set),
+            Some(set) => self.shared.queues.recycle_set(set),
+            None => {}
+        }
+        if self.shared.phase.is_collecting(round) && self.evidence.is_worth_solving(&self.options) {
+            self.solve();
+        }
+        had_set
+    }
+}

@@ -1,0 +1,244 @@
+//! The whole way from frames to extrinsics without threads' timing: every frame set is used, and the same sets give the same bits.
+
+use std::time::{Duration, Instant};
+
+use crate::capture::{CaptureError, RgbdFrame};
+use crate::geometry::{Camera, CameraView};
+use crate::solver::{RigCalibration, RigEstimator};
+
+use super::buffers::FoundLines;
+use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
+use super::motion::{Glimpse, image_speed_px_per_s};
+use super::options::PipelineOptions;
+
+/// Frame sets one after the other.
+pub trait FrameSetReader {
+    /// Overwrites `frames`, one per camera, with the next set; `false` at the end. A missing camera's frame gets width 0.
+    ///
+    /// # Errors
+    /// What the recording says.
+    fn next_set(&mut self, frames: &mut [RgbdFrame]) -> Result<bool, CaptureError>;
+}
+
+/// How far an offline run is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OfflineProgress {
+    /// So many sets have been read.
+    Set(SetCounts),
+    /// All sets have been read; the solution is being computed.
+    Solving,
+}
+
+/// What became of the frame sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SetCounts {
+    /// Read.
+    pub seen: usize,
+    /// Given to the estimator.
+    pub used: usize,
+    /// Not used: stamps too far apart, taken in fast motion, or fewer than two frames in it.
+    pub refused: usize,
+}
+
+/// Where the time went, ms in total over the run; detection and lifting are summed over threads.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TimingMs {
+    /// Gray conversion and segments.
+    pub detect: f64,
+    /// Lifting and surfaces.
+    pub lift: f64,
+    /// Taking the sets into the estimator.
+    pub associate: f64,
+    /// Solving.
+    pub estimate: f64,
+    /// Everything, reading included.
+    pub total: f64,
+}
+
+/// Result of an offline run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OfflineRun {
+    /// What the estimator answers.
+    pub calibration: RigCalibration,
+    /// Where the time went.
+    pub timing_ms: TimingMs,
+    /// What became of the frame sets.
+    pub frame_sets: SetCounts,
+    /// Lines found per camera, in all sets.
+    pub lines: Vec<u64>,
+}
+
+/// Reads all sets, then solves. `options.n_line_threads` changes the time, never the result; frames that do not have their camera's
+/// size count as missing.
+///
+/// # Errors
+/// The first frame set that cannot be read.
+pub fn run_offline(
+    sets: &mut dyn FrameSetReader,
+    cameras: &[Camera],
+    options: &PipelineOptions,
+    progress: &mut dyn FnMut(OfflineProgress),
+) -> Result<OfflineRun, CaptureError> {
+    let start = Instant::now();
+    let mut run = Run::new(cameras, options);
+    let mut frames: Vec<RgbdFrame> = cameras.iter().map(|_| RgbdFrame::default()).collect();
+    while sets.next_set(&mut frames)? {
+        run.take(&frames);
+        progress(OfflineProgress::Set(run.counts));
+    }
+    progress(OfflineProgress::Solving);
+    let solving = Instant::now();
+    let calibration = run.estimator.solve();
+    let timing_ms = TimingMs {
+        detect: ms(run.times.detect),
+        lift: ms(run.times.lift),
+        associate: ms(run.associate),
+        estimate: ms(solving.elapsed()),
+        total: ms(start.elapsed()),
+    };
+    let lines = run.cameras.iter().map(|camera| camera.n_lines).collect();
+    Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, lines })
+}
+
+fn ms(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1e3
+}
+
+/// One camera's part of the run.
+struct CameraRun {
+    camera: Camera,
+    finder: SegmentLineFinder,
+    found: FoundLines,
+    times: FindTimes,
+    last_glimpse: Option<Glimpse>,
+    n_lines: u64,
+}
+
+impl CameraRun {
+    fn is_usable(&self, frame: &RgbdFrame) -> bool {
+        let size = (self.camera.width_px() as usize, self.camera.height_px() as usize);
+        frame.is_consistent() && (frame.width, frame.height) == size
+    }
+
+    fn find(&mut self, frame: &RgbdFrame) {
+        if self.is_usable(frame) {
+            let times = self.finder.find(frame, &self.camera, &mut self.found);
+            self.times.detect += times.detect;
+            self.times.lift += times.lift;
+            self.n_lines += self.found.view.lines.len() as u64;
+        }
+    }
+
+    /// Speed of the image since this camera's frame before, px/s.
+    fn speed(&mut self, frame: &RgbdFrame) -> Option<f64> {
+        let now = Glimpse { stamp: frame.stamp, thumbnail: self.found.thumbnail };
+        let before = self.last_glimpse.replace(now)?;
+        image_speed_px_per_s(&before, &now)
+    }
+}
+
+struct Run {
+    options: PipelineOptions,
+    cameras: Vec<CameraRun>,
+    n_threads: usize,
+    estimator: RigEstimator,
+    views: Vec<Option<CameraView>>,
+    counts: SetCounts,
+    times: FindTimes,
+    associate: Duration,
+}
+
+impl Run {
+    fn new(cameras: &[Camera], options: &PipelineOptions) -> Self {
+        let of_camera = |camera: &Camera| CameraRun {
+            camera: *camera,
+            finder: SegmentLineFinder::new(options.detect, options.lift),
+            found: FoundLines::default(),
+            times: FindTimes::default(),
+            last_glimpse: None,
+            n_lines: 0,
+        };
+        Self {
+            options: *options,
+            cameras: cameras.iter().map(of_camera).collect(),
+            n_threads: options.line_threads(cameras.len()),
+            estimator: RigEstimator::new(cameras.to_vec(), options.estimate),
+            views: vec![None; cameras.len()],
+            counts: SetCounts::default(),
+            times: FindTimes::default(),
+            associate: Duration::ZERO,
+        }
+    }
+
+    fn take(&mut self, frames: &[RgbdFrame]) {
+        self.counts.seen += 1;
+        if !self.is_one_moment(frames) {
+            self.counts.refused += 1;
+            return;
+        }
+        self.find_lines(frames);
+        if self.is_fast(frames) {
+            self.counts.refused += 1;
+            return;
+        }
+        self.counts.used += 1;
+        let start = Instant::now();
+        self.swap_views(frames);
+        self.estimator.add(&self.views);
+        self.swap_views(frames);
+        self.associate += start.elapsed();
+    }
+
+    /// Whether there are enough frames, and their stamps within the skew limit.
+    fn is_one_moment(&self, frames: &[RgbdFrame]) -> bool {
+        let usable = || self.cameras.iter().zip(frames).filter(|(camera, frame)| camera.is_usable(frame));
+        let stamps = || usable().map(|(_, frame)| frame.stamp.0);
+        let (Some(oldest), Some(newest)) = (stamps().min(), stamps().max()) else { return false };
+        let skew = Duration::from_nanos(newest.abs_diff(oldest));
+        stamps().count() >= self.cameras.len().min(2) && skew <= self.options.sync.max_skew
+    }
+
+    /// Each thread takes its share of the cameras; a camera's result depends on its own frames only.
+    fn find_lines(&mut self, frames: &[RgbdFrame]) {
+        let n_threads = self.n_threads.min(self.cameras.len());
+        if n_threads < 2 {
+            self.cameras.iter_mut().zip(frames).for_each(|(camera, frame)| camera.find(frame));
+        } else {
+            let share = self.cameras.len().div_ceil(n_threads);
+            std::thread::scope(|scope| {
+                for (cameras, frames) in self.cameras.chunks_mut(share).zip(frames.chunks(share)) {
+                    scope.spawn(move || {
+                        cameras.iter_mut().zip(frames).for_each(|(camera, frame)| camera.find(frame))
+                    });
+                }
+            });
+        }
+        for camera in &mut self.cameras {
+            let times = std::mem::take(&mut camera.times);
+            self.times.detect += times.detect;
+            self.times.lift += times.lift;
+        }
+    }
+
+    fn is_fast(&mut self, frames: &[RgbdFrame]) -> bool {
+        let limit = self.options.motion.max_speed_px_per_s;
+        let mut is_fast = false;
+        for (camera, frame) in self.cameras.iter_mut().zip(frames) {
+            let is_usable = camera.is_usable(frame);
+            is_fast |= is_usable && camera.speed(frame).is_some_and(|speed| speed > limit);
+        }
+        is_fast
+    }
+
+    /// Moves the views of the usable frames to the form the estimator takes, or back: no view is copied.
+    fn swap_views(&mut self, frames: &[RgbdFrame]) {
+        for ((view, camera), frame) in self.views.iter_mut().zip(&mut self.cameras).zip(frames) {
+            if camera.is_usable(frame) {
+                match view.take() {
+                    None => *view = Some(std::mem::take(&mut camera.found.view)),
+                    Some(moved) => camera.found.view = moved,
+                }
+            }
+        }
+    }
+}
