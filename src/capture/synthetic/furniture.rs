@@ -4,7 +4,7 @@
 
 use super::room::{Wall, between, picture};
 use super::scene::{Builder, FreeSpace, Part, turned};
-use super::texture::{Grain, Pattern};
+use super::texture::{Grain, Pattern, Rgb};
 use crate::geometry::motion::Motion;
 
 /// Four bars around an opening or picture: centre, outer size, bar width and thickness.
@@ -28,6 +28,19 @@ fn frame(builder: &mut Builder, world_from_parent: &Motion, frame: &Frame) {
     }
 }
 
+fn glass(builder: &mut Builder, base: Rgb) -> u16 {
+    builder.material(base, Pattern::Glass, Grain { contrast: 0.0, per_m: [1.0, 1.0] })
+}
+
+/// A picture somewhere on each third of the wall, behind the furniture where that is in its way.
+pub(super) fn pictures(builder: &mut Builder, wall: &Wall) {
+    for third in 0..3 {
+        let x = wall.length_m * (f64::from(third) + builder.random.between(0.3, 0.7)) / 3.0;
+        let z = builder.random.between(0.5, 1.95);
+        hang_picture(builder, wall, [x, z]);
+    }
+}
+
 /// A framed picture that hangs a little crooked, centred at (x, z) on the wall.
 fn hang_picture(builder: &mut Builder, wall: &Wall, [x, z]: [f64; 2]) {
     let size_m = [builder.random.between(0.45, 1.0), builder.random.between(0.4, 0.7)];
@@ -36,13 +49,14 @@ fn hang_picture(builder: &mut Builder, wall: &Wall, [x, z]: [f64; 2]) {
     let world_from_picture = wall.world_from_wall * turned([x, 0.0, z], 0.0) * rotation;
     let drawn = picture(builder, size_m);
     let material = builder.any_paint(0.03, 0.15);
-    let center_m = [0.0, 0.015, 0.0];
+    // Two that overlap lie one before the other.
+    let center_m = [0.0, builder.random.between(0.008, 0.02), 0.0];
     let board = Part { center_m, size_m: [size_m[0], 0.012, size_m[1]], material: drawn };
     builder.add(&world_from_picture, board);
     frame(builder, &world_from_picture, &Frame { center_m, size_m, bar_m: [0.03, 0.03], material });
 }
 
-/// A door in its frame, a tall cabinet, a picture.
+/// A door in its frame, a tall cabinet.
 pub(super) fn door_wall(builder: &mut Builder, wall: &Wall) {
     let x = 0.5 * wall.length_m - builder.random.between(0.35, 0.6);
     let white = builder.paint([0.7, 0.7, 0.68]);
@@ -60,7 +74,6 @@ pub(super) fn door_wall(builder: &mut Builder, wall: &Wall) {
     );
     let right_m = x + 0.55;
     cabinet(builder, wall, [right_m + 0.5, 1.75]);
-    hang_picture(builder, wall, [right_m + 1.3, 1.6]);
 }
 
 /// A cabinet with two panelled doors at x, of the given height.
@@ -83,7 +96,7 @@ fn cabinet(builder: &mut Builder, wall: &Wall, [x, height_m]: [f64; 2]) {
 pub(super) fn window_wall(builder: &mut Builder, wall: &Wall) {
     let middle_m = 0.5 * wall.length_m;
     let white = builder.paint([0.72, 0.72, 0.7]);
-    let pane = builder.paint([0.85, 0.88, 0.9]);
+    let pane = glass(builder, [0.85, 0.88, 0.9]);
     let center_m = [middle_m, 0.025, 1.5];
     let size_m = [1.5, 1.05];
     builder.add(&wall.world_from_wall, Part { center_m, size_m: [1.44, 0.01, 1.0], material: pane });
@@ -94,12 +107,12 @@ pub(super) fn window_wall(builder: &mut Builder, wall: &Wall) {
     builder.add(&wall.world_from_wall, sill);
     let length_m = (wall.length_m - 2.0).min(2.6);
     desk(builder, &(wall.world_from_wall * turned([middle_m, 0.38, 0.0], 0.0)), [length_m, 0.6]);
-    hang_picture(builder, wall, [middle_m + 1.3, 1.5]);
 }
 
 /// A desk centred at its parent's origin: top, side panels, a screen and two turned boxes.
 fn desk(builder: &mut Builder, world_from_desk: &Motion, [length_m, depth_m]: [f64; 2]) {
-    let (wood, dark) = (builder.wood(), builder.any_paint(0.05, 0.2));
+    let (wood, dark, display) =
+        (builder.wood(), builder.any_paint(0.05, 0.2), glass(builder, [0.04, 0.05, 0.07]));
     let top = Part { center_m: [0.0, 0.0, 0.735], size_m: [length_m, depth_m, 0.03], material: wood };
     builder.add(world_from_desk, top);
     for side in [-1.0, 1.0] {
@@ -109,6 +122,7 @@ fn desk(builder: &mut Builder, world_from_desk: &Motion, [length_m, depth_m]: [f
     let yaw_rad = builder.random.between(-0.5, 0.5);
     let screen = world_from_desk * turned([-0.25 * length_m, 0.0, 0.75], yaw_rad);
     builder.add(&screen, Part { center_m: [0.0, 0.0, 0.27], size_m: [0.55, 0.04, 0.33], material: dark });
+    builder.add(&screen, Part { center_m: [0.0, 0.02, 0.27], size_m: [0.5, 0.004, 0.28], material: display });
     builder.add(&screen, Part { center_m: [0.0, 0.0, 0.06], size_m: [0.06, 0.06, 0.12], material: dark });
     for _ in 0..2 {
         let at_m = [length_m * builder.random.between(-0.05, 0.4), builder.random.between(-0.1, 0.1), 0.75];
@@ -120,7 +134,7 @@ fn desk(builder: &mut Builder, world_from_desk: &Motion, [length_m, depth_m]: [f
     }
 }
 
-/// An open bookcase, a board, a sideboard below it.
+/// An open bookcase, a white board, two low cabinets below it.
 pub(super) fn bookcase_wall(builder: &mut Builder, wall: &Wall) {
     let left_m = 0.5 * wall.length_m - 0.8;
     bookcase(builder, wall, left_m);
@@ -166,7 +180,7 @@ fn books(builder: &mut Builder, world_from_board: &Motion, space_m: f64) {
     builder.add(world_from_board, part);
 }
 
-/// Sloping boards as along a stair, wall shelves with books, a picture.
+/// Sloping boards as along a stair, wall shelves with books.
 pub(super) fn slanted_wall(builder: &mut Builder, wall: &Wall) {
     let middle_m = 0.5 * wall.length_m;
     let slope_m = builder.random.between(0.55, 0.95);
@@ -199,7 +213,7 @@ pub(super) fn pillar(builder: &mut Builder, wall: &Wall, height_m: f64) {
 /// Planks that lean on a wall near its left corner, each at another angle.
 pub(super) fn leaning_planks(builder: &mut Builder, wall: &Wall) {
     for _ in 0..2 {
-        let material = builder.wood();
+        let material = builder.plank_wood();
         let foot_m = [builder.random.between(0.2, 0.9), builder.random.between(0.35, 0.6), 0.0];
         let head_m = [builder.random.between(0.15, 1.3), 0.04, builder.random.between(1.5, 2.05)];
         let (wall_from_plank, length_m) = between(foot_m, head_m);

@@ -8,6 +8,7 @@ mod furniture;
 mod noise_color;
 mod noise_depth;
 mod noise_field;
+mod noise_picture;
 mod options;
 mod random;
 mod raycast;

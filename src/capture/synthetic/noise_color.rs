@@ -76,7 +76,7 @@ impl Developer {
         let mean = (sum / (3 * planes[0].len()) as f64).max(1e-6) as f32;
         let gain = MEAN_SIGNAL / mean;
         match noise {
-            None => self.write(planes, rgb, |_, signal| signal * gain),
+            None => self.write(planes, rgb, |signal| signal * gain),
             Some((camera, random)) => {
                 for plane in planes.iter_mut() {
                     self.blur(plane, &camera.kernel);
@@ -93,11 +93,12 @@ impl Developer {
         self.tones[place.min(TONES - 1)]
     }
 
-    fn write(&self, planes: &[Vec<f32>; 3], rgb: &mut [u8], mut signal: impl FnMut(usize, f32) -> f32) {
+    fn write(&self, planes: &[Vec<f32>; 3], rgb: &mut [u8], mut signal: impl FnMut(f32) -> f32) {
         let [red, green, blue] = planes;
-        for (i, pixel) in rgb.chunks_exact_mut(3).enumerate() {
-            let colors = [red[i], green[i], blue[i]].map(|value| signal(i, value));
-            pixel.copy_from_slice(&colors.map(|value| self.tone(value)));
+        for (((pixel, red), green), blue) in rgb.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
+            pixel[0] = self.tone(signal(*red));
+            pixel[1] = self.tone(signal(*green));
+            pixel[2] = self.tone(signal(*blue));
         }
     }
 
@@ -119,7 +120,7 @@ impl Developer {
             }
         }
         let read_variance = camera.read_noise * camera.read_noise;
-        self.write(planes, rgb, |_, signal| {
+        self.write(planes, rgb, |signal| {
             let sigma = (signal / camera.full_well + read_variance).sqrt();
             signal + sigma * random.gaussian()
         });

@@ -7,6 +7,7 @@ use super::noise_field::{BlobField, SmoothField};
 use super::random::Random;
 use super::raycast::Raycaster;
 use super::shade::Shaded;
+use super::texture::Stereo;
 
 /// Disparity of a point at 1 m, px (focal length of the infra-red imagers times their distance).
 pub(super) const DISPARITY_AT_1M_PX: f32 = 385.0 * 0.050;
@@ -134,13 +135,14 @@ impl DepthNoise {
     /// Inverse depth as measured; `None` when the noise takes it to infinity.
     fn reading_per_m(&self, i: usize, shaded: &Shaded) -> Option<f32> {
         let inverse = self.inverse_per_m[i].max(self.bled_per_m[i]);
-        let bare = if !shaded.textured[i] && inverse < 1.0 / 2.5 { 1.25 } else { 1.0 };
+        let bare = if shaded.stereo[i] == Stereo::Bare && inverse < 1.0 / 2.5 { 1.25 } else { 1.0 };
         // Rises to 1.6 as the cosine falls from 0.35 to 0.
         let grazing = 1.0 + 0.6 * (1.0 - shaded.cosine[i] / 0.35).max(0.0);
         let noise = 0.92 * self.fine.values[i] + 0.39 * self.wide.values[i];
         let disparity_px = inverse * DISPARITY_AT_1M_PX + self.sigma_px * bare * grazing * noise;
-        let stepped_px = (disparity_px / DISPARITY_STEP_PX).round() * DISPARITY_STEP_PX;
-        (stepped_px > 0.0).then_some(stepped_px / DISPARITY_AT_1M_PX)
+        // Rounds positive numbers; negative ones become 0.
+        let steps = (disparity_px / DISPARITY_STEP_PX + 0.5) as u32;
+        (steps > 0).then_some(steps as f32 * (DISPARITY_STEP_PX / DISPARITY_AT_1M_PX))
     }
 
     /// Whether the matcher gives up on this pixel.
@@ -152,8 +154,14 @@ impl DepthNoise {
         }
         let at_edge = self.near_edge[i] && blob > quantile::ONE_IN_SIX;
         let stray = slow > quantile::THREE_IN_THOUSAND;
-        let dim = z_m > 0.6 && shaded.echo[i] * (1.0 + 0.3 * blob).max(0.1) < 0.006 * z_m.powf(1.2);
-        let least_cosine = if shaded.textured[i] { 0.055 } else { 0.12 + 0.05 * blob };
+        let dim = z_m > 0.6 && shaded.echo[i] * (1.0 + 0.3 * blob).max(0.1) < 0.006 * z_m * z_m.sqrt().sqrt();
+        let least_cosine = match shaded.stereo[i] {
+            Stereo::Textured => 0.055,
+            Stereo::Bare => 0.12 + 0.05 * blob,
+            // What stands before it may still bleed over it.
+            Stereo::Blind if self.bled_per_m[i] <= 0.0 => return true,
+            Stereo::Blind => 0.0,
+        };
         at_edge || stray || dim || shaded.cosine[i] < least_cosine
     }
 }
@@ -167,8 +175,9 @@ pub(super) struct DepthOut<'a> {
 
 /// Depth in counts; 0 where it does not fit.
 pub(super) fn counts(z_m: f32, unit_m: f64) -> u16 {
-    let counts = (f64::from(z_m) / unit_m).round();
-    if counts >= 1.0 && counts <= f64::from(u16::MAX) { counts as u16 } else { 0 }
+    // Rounds; a cast saturates and turns NaN into 0.
+    let counts = (f64::from(z_m) / unit_m + 0.5) as u32;
+    u16::try_from(counts).unwrap_or(0)
 }
 
 /// What hides a row from the second imager, scanned from right to left: the leftmost place that nearer surfaces cover.

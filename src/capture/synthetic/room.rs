@@ -3,8 +3,9 @@
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::furniture;
+use super::noise_picture::NoisePicture;
 use super::scene::{Builder, FreeSpace, LAMPS, Lamp, Part, Scene, turned};
-use super::texture::{Bar, Grain, NoisePicture, Pattern, Rgb};
+use super::texture::{Bar, Grain, Pattern, Rgb};
 use crate::geometry::motion::Motion;
 
 /// Furniture reaches this far from the walls at most, m.
@@ -103,7 +104,7 @@ fn wall_material(builder: &mut Builder, which: usize) -> u16 {
     builder.material(base, pattern, grain)
 }
 
-/// Skirting, a rail at random height, a cornice.
+/// Skirting, a picture rail, a cornice.
 fn trims(builder: &mut Builder, wall: &Wall, height_m: f64) {
     let material = builder.any_paint(0.08, 0.3);
     let along = |z_m: f64, [out_m, tall_m]: [f64; 2]| Part {
@@ -145,6 +146,7 @@ fn furnish(builder: &mut Builder, walls: &[Wall; 4], height_m: f64) {
         }
     }
     for (corner, wall) in walls.iter().enumerate() {
+        furniture::pictures(builder, wall);
         match corner {
             0 => furniture::pillar(builder, wall, height_m),
             _ => furniture::leaning_planks(builder, wall),

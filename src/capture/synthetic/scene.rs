@@ -4,8 +4,9 @@
 
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
+use super::noise_picture::NoisePicture;
 use super::random::Random;
-use super::texture::{Grain, Material, NoisePicture, Pattern, Rgb};
+use super::texture::{Grain, Material, Pattern, Rgb};
 use crate::geometry::motion::Motion;
 
 /// A box anywhere in the world.
@@ -154,10 +155,19 @@ impl Builder {
         self.paint(color)
     }
 
-    /// Wood with grain along the first axis of each face.
+    /// Wood with its grain along the first axis of each face.
     pub(super) fn wood(&mut self) -> u16 {
+        self.wood_of([0.35, 4.0])
+    }
+
+    /// Wood with its grain along the second axis of each face: of planks that run along z.
+    pub(super) fn plank_wood(&mut self) -> u16 {
+        self.wood_of([4.0, 0.35])
+    }
+
+    fn wood_of(&mut self, per_m: [f32; 2]) -> u16 {
         let brown = self.random.between(0.1, 0.55) as f32;
-        let grain = Grain { contrast: 0.35, per_m: [0.35, 4.0] };
+        let grain = Grain { contrast: 0.35, per_m };
         self.material([brown, brown * 0.72, brown * 0.45], Pattern::Plain, grain)
     }
 

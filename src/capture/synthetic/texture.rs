@@ -3,6 +3,7 @@
 //! Every pattern is filtered with the footprint of the pixel (edges by box coverage, grain by a pyramid), so an edge in a
 //! texture lies where geometry says, to a few hundredths of a pixel, and nothing makes moiré.
 
+use super::noise_picture::{NoisePicture, floor};
 use super::random::Random;
 
 /// Linear RGB reflectance, 0 to 1.
@@ -55,6 +56,8 @@ pub(super) struct Bar {
 pub(super) enum Pattern {
     /// One colour.
     Plain,
+    /// One colour, no depth (window panes, screens).
+    Glass,
     /// Parallel stripes across the direction (cos, sin); `duty` of each period has the other colour.
     Stripes { direction: [f32; 2], period_m: f32, duty: f32, other: Rgb },
     /// Tiles or boards of `size_m`, turned by the direction, with joints of the other colour; each differs in brightness.
@@ -76,6 +79,18 @@ pub(super) struct Grain {
     pub(super) per_m: [f32; 2],
 }
 
+/// What a stereo matcher finds on a material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Stereo {
+    /// Enough to match everywhere.
+    #[default]
+    Textured,
+    /// Little: noisier from afar, lost at grazing angles.
+    Bare,
+    /// Nothing that belongs to the surface.
+    Blind,
+}
+
 /// What one face is made of.
 #[derive(Debug, Clone)]
 pub(super) struct Material {
@@ -85,32 +100,39 @@ pub(super) struct Material {
 }
 
 impl Material {
-    /// Whether stereo finds something to match on it.
-    pub(super) fn is_textured(&self) -> bool {
-        self.grain.contrast > 0.1 || !matches!(self.pattern, Pattern::Plain | Pattern::Border { .. })
+    /// What stereo finds on it.
+    pub(super) fn stereo(&self) -> Stereo {
+        match self.pattern {
+            Pattern::Glass => Stereo::Blind,
+            Pattern::Plain | Pattern::Border { .. } if self.grain.contrast <= 0.1 => Stereo::Bare,
+            _ => Stereo::Textured,
+        }
     }
 
     /// Reflectance averaged over the pixel.
     pub(super) fn color(&self, spot: &Spot, noise: &NoisePicture) -> Rgb {
-        let drawn = self.drawn(spot);
-        let position = [spot.at_m[0] * self.grain.per_m[0], spot.at_m[1] * self.grain.per_m[1]];
-        let first = spot.along([1.0, 0.0]).width_m * self.grain.per_m[0];
-        let second = spot.along([0.0, 1.0]).width_m * self.grain.per_m[1];
-        let factor = 1.0 + self.grain.contrast * noise.sample(position, first.max(second));
-        drawn.map(|channel| channel * factor)
+        let [r, g, b] = self.drawn(spot);
+        let [per_first_m, per_second_m] = self.grain.per_m;
+        let square = |[right, down]: [f32; 2], per_m: f32| (right * right + down * down) * per_m * per_m;
+        let width_squared =
+            square(spot.first_per_px, per_first_m).max(square(spot.second_per_px, per_second_m));
+        let position = [spot.at_m[0] * per_first_m, spot.at_m[1] * per_second_m];
+        let factor = 1.0 + self.grain.contrast * noise.sample(position, width_squared);
+        [r * factor, g * factor, b * factor]
     }
 
     fn drawn(&self, spot: &Spot) -> Rgb {
         match &self.pattern {
-            Pattern::Plain => self.base,
+            Pattern::Plain | Pattern::Glass => self.base,
             Pattern::Stripes { direction, period_m, duty, other } => {
                 mix(self.base, *other, pulses(spot.along(*direction), *period_m, *duty))
             }
             Pattern::Tiles { direction: [cos, sin], size_m, joint_m, other } => {
                 let axes = [spot.along([*cos, *sin]), spot.along([-sin, *cos])];
-                let joint = [0, 1].map(|k| pulses(axes[k], size_m[k], joint_m / size_m[k]));
+                let joint = |k: usize| pulses(axes[k], size_m[k], joint_m / size_m[k]);
                 let shade = 1.0 + 0.25 * tile_shade(axes, *size_m, *joint_m);
-                mix(self.base.map(|c| c * shade), *other, 1.0 - (1.0 - joint[0]) * (1.0 - joint[1]))
+                let [r, g, b] = self.base;
+                mix([r * shade, g * shade, b * shade], *other, 1.0 - (1.0 - joint(0)) * (1.0 - joint(1)))
             }
             Pattern::Row { period_m, seed } => row_color(spot.along([1.0, 0.0]), *period_m, *seed),
             Pattern::Border { inset_m, width_m, other } => {
@@ -127,7 +149,8 @@ impl Material {
 }
 
 fn mix(a: Rgb, b: Rgb, share: f32) -> Rgb {
-    [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * share)
+    let channel = |c: usize| a[c] + (b[c] - a[c]) * share;
+    [channel(0), channel(1), channel(2)]
 }
 
 /// Share of a pixel of this width beyond an edge at signed distance `beyond_m` before its centre.
@@ -137,33 +160,38 @@ fn coverage(beyond_m: f32, width_m: f32) -> f32 {
 
 /// Share of the pixel in the first `duty` of each period: the exact box filter of a pulse train.
 fn pulses(along: Along, period_m: f32, duty: f32) -> f32 {
-    let integral = |s: f32| s.floor() * duty + (s - s.floor()).min(duty);
+    let integral = |s: f32| floor(s) * duty + (s - floor(s)).min(duty);
     let (at, width) = (along.at_m / period_m, along.width_m / period_m);
+    // Most pixels lie within a stretch of one colour.
+    let (low, high) = (at - 0.5 * width, at + 0.5 * width);
+    let first = floor(low);
+    if high < first + 1.0 && (low > first + duty || high < first + duty) {
+        return if high < first + duty { 1.0 } else { 0.0 };
+    }
     // Beyond a few periods the mean is right to a percent and free of rounding.
     if width > 8.0 {
         return duty;
     }
-    (integral(at + 0.5 * width) - integral(at - 0.5 * width)) / width
+    (integral(high) - integral(low)) / width
 }
 
 /// The cell under the low end of the pixel, and the share of the pixel in the next one.
 fn cells(along: Along, period_m: f32) -> (i64, f32) {
     let low = (along.at_m - 0.5 * along.width_m) / period_m;
     let width = (along.width_m / period_m).min(1.0);
-    let first = low.floor();
+    let first = floor(low);
     (first as i64, ((low + width - first - 1.0) / width).clamp(0.0, 1.0))
 }
 
 /// Brightness of a tile, -1 to 1, blended where the pixel sees two; fades out where tiles become small.
 fn tile_shade(axes: [Along; 2], size_m: [f32; 2], joint_m: f32) -> f32 {
     // The brightness changes in the middle of the joint.
-    let [(x, x_share), (y, y_share)] = [0, 1].map(|k| {
-        let along = Along { at_m: axes[k].at_m - 0.5 * joint_m, ..axes[k] };
-        cells(along, size_m[k])
-    });
-    let fade = [0, 1].map(|k| (1.5 - 2.0 * axes[k].width_m / size_m[k]).clamp(0.0, 1.0));
+    let cell = |k: usize| cells(Along { at_m: axes[k].at_m - 0.5 * joint_m, ..axes[k] }, size_m[k]);
+    let fade = |k: usize| (1.5 - 2.0 * axes[k].width_m / size_m[k]).clamp(0.0, 1.0);
+    let ((x, x_share), (y, y_share)) = (cell(0), cell(1));
     let shade = |x: i64, y: i64| {
-        let draw = Random::keyed(7, &[x.cast_unsigned(), y.cast_unsigned()]).next_u64();
+        let tile = x.wrapping_mul(0x5851_F42D_4C95).wrapping_add(y.wrapping_mul(0x1405_7B7E_F767));
+        let draw = Random::keyed(tile.cast_unsigned(), &[]).next_u64();
         (draw >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     };
     // Most pixels lie in one tile.
@@ -172,7 +200,7 @@ fn tile_shade(axes: [Along; 2], size_m: [f32; 2], joint_m: f32) -> f32 {
         false => shade(x, y),
     };
     let mean = if y_share > 0.0 { row(y) + (row(y + 1) - row(y)) * y_share } else { row(y) };
-    fade[0] * fade[1] * mean
+    fade(0) * fade(1) * mean
 }
 
 /// Colours of a row of books, blended over the pixel where two meet.
@@ -188,93 +216,11 @@ fn row_color(along: Along, period_m: f32, seed: u64) -> Rgb {
 
 /// Share of the pixel in the ring `inset_m..inset_m + width_m` from the border of the face.
 fn border(spot: &Spot, inset_m: f32, width_m: f32) -> f32 {
-    let inside = |margin_m: f32| {
-        [0usize, 1].map(|k| {
-            let along = spot.along([1.0 - k as f32, k as f32]);
-            coverage(spot.half_m[k] - margin_m - along.at_m.abs(), along.width_m)
-        })
-    };
-    let (outer, inner) = (inside(inset_m), inside(inset_m + width_m));
-    outer[0] * outer[1] - inner[0] * inner[1]
-}
-
-const NOISE_LEVELS: usize = 9;
-const NOISE_SIDE: usize = 1 << (NOISE_LEVELS - 1);
-
-/// A tileable picture of fractal noise, -1 to 1, with its pyramid.
-#[derive(Debug, Clone)]
-pub(super) struct NoisePicture {
-    levels: Vec<Vec<f32>>,
-}
-
-impl NoisePicture {
-    pub(super) fn new(seed: u64) -> Self {
-        let mut finest = vec![0.0f32; NOISE_SIDE * NOISE_SIDE];
-        // Octaves of 8 to 128 cells per side.
-        for octave in 3..8 {
-            add_octave(&mut finest, 1 << octave, &mut Random::keyed(seed, &[0x7E87, octave]));
-        }
-        let peak = finest.iter().fold(0.0f32, |peak, v| peak.max(v.abs()));
-        finest.iter_mut().for_each(|v| *v /= peak);
-        let mut levels = vec![finest];
-        while let Some(coarser) = levels.last().and_then(|finer| halved(finer)) {
-            levels.push(coarser);
-        }
-        Self { levels }
-    }
-
-    /// The noise around `position` (in pictures), averaged over `width` pictures.
-    fn sample(&self, position: [f32; 2], width: f32) -> f32 {
-        let level = (width * NOISE_SIDE as f32).max(1.0).log2().min((NOISE_LEVELS - 1) as f32);
-        let lower = (level as usize).min(NOISE_LEVELS - 2);
-        let share = level - lower as f32;
-        let fine = self.bilinear(lower, position);
-        fine + (self.bilinear(lower + 1, position) - fine) * share
-    }
-
-    fn bilinear(&self, level: usize, position: [f32; 2]) -> f32 {
-        let shift = NOISE_LEVELS - 1 - level;
-        let (side, mask) = ((1usize << shift) as f32, (1i32 << shift) - 1);
-        // A texel's centre is at +0.5, on every level.
-        let [x, y] = position.map(|p| p * side - 0.5);
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let (x0, y0) = (x0 as i32, y0 as i32);
-        let texels = &self.levels[level];
-        let texel = |x: i32, y: i32| texels[(((y & mask) << shift) + (x & mask)) as usize];
-        let top = texel(x0, y0) + (texel(x0 + 1, y0) - texel(x0, y0)) * fx;
-        let bottom = texel(x0, y0 + 1) + (texel(x0 + 1, y0 + 1) - texel(x0, y0 + 1)) * fx;
-        top + (bottom - top) * fy
-    }
-}
-
-fn add_octave(picture: &mut [f32], cells: usize, random: &mut Random) {
-    let lattice: Vec<f32> = (0..cells * cells).map(|_| random.gaussian()).collect();
-    let amplitude = 1.0 / (cells as f32).sqrt();
-    let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
-    for (i, value) in picture.iter_mut().enumerate() {
-        let at = [i % NOISE_SIDE, i / NOISE_SIDE].map(|p| p as f32 * cells as f32 / NOISE_SIDE as f32);
-        let [x, y] = at.map(|p| p as usize);
-        let [fx, fy] = at.map(|p| smooth(p - p.floor()));
-        let node = |x: usize, y: usize| lattice[(y % cells) * cells + x % cells];
-        let top = node(x, y) * (1.0 - fx) + node(x + 1, y) * fx;
-        let bottom = node(x, y + 1) * (1.0 - fx) + node(x + 1, y + 1) * fx;
-        *value += amplitude * (top * (1.0 - fy) + bottom * fy);
-    }
-}
-
-/// The next level of the pyramid; `None` after the single texel.
-fn halved(finer: &[f32]) -> Option<Vec<f32>> {
-    let side = finer.len().isqrt();
-    if side < 2 {
-        return None;
-    }
-    let half = side / 2;
-    let average = |i: usize| {
-        let corner = (i / half) * 2 * side + (i % half) * 2;
-        0.25 * (finer[corner] + finer[corner + 1] + finer[corner + side] + finer[corner + side + 1])
-    };
-    Some((0..half * half).map(average).collect())
+    let axes = [spot.along([1.0, 0.0]), spot.along([0.0, 1.0])];
+    let inside =
+        |margin_m: f32, k: usize| coverage(spot.half_m[k] - margin_m - axes[k].at_m.abs(), axes[k].width_m);
+    let within = |margin_m: f32| inside(margin_m, 0) * inside(margin_m, 1);
+    within(inset_m) - within(inset_m + width_m)
 }
 
 #[cfg(test)]
@@ -299,16 +245,5 @@ mod tests {
             let share = pulses(spot(0.013 * step as f32, 0.05).along([1.0, 0.0]), 0.01, 0.3);
             assert!((share - 0.3).abs() < 0.05, "share {share}");
         }
-    }
-
-    #[test]
-    fn noise_fades_with_the_size_of_the_pixel() {
-        let noise = NoisePicture::new(5);
-        let spread = |width: f32| {
-            (0..400)
-                .map(|i| noise.sample([0.37 * i as f32, 0.11 * i as f32], width).abs())
-                .fold(0.0f32, f32::max)
-        };
-        assert!(spread(0.001) > 0.3 && spread(0.5) < 0.1, "{} {}", spread(0.001), spread(0.5));
     }
 }

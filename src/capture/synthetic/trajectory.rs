@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3
 
 use super::random::Random;
 use super::scene::Scene;
-use crate::geometry::motion::Motion;
+use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use crate::geometry::{Camera, PixelPoint};
 
 /// Key poses of one lap.
@@ -41,17 +41,14 @@ impl Trajectory {
     pub(super) fn plan(scene: &Scene, rig: &[RigCamera], seed: u64) -> Self {
         let mut random = Random::keyed(seed, &[0x7A74]);
         let center = rig_center_m(rig.iter().map(|camera| &camera.reference_from_camera));
-        let mut planner =
-            Planner { scene, rig, edges: long_edges(scene), known: known_directions(rig.len()) };
-        let world_from_reference = (0..KEY_POSES).map(|_| {
+        let mut planner = Planner::new(scene, rig);
+        for _ in 0..KEY_POSES {
             let tried = (0..CANDIDATES).map(|_| random_pose(scene, &center, &mut random));
             let scored = tried.map(|pose| (planner.score(&pose), pose));
             let best = scored.reduce(|best, next| if next.0 > best.0 { next } else { best });
-            let pose = best.map_or_else(Motion::identity, |(_, pose)| pose);
-            planner.remember(&pose);
-            pose
-        });
-        Self { world_from_reference: world_from_reference.collect() }
+            planner.remember(best.map_or_else(Motion::identity, |(_, pose)| pose));
+        }
+        Self { world_from_reference: planner.chosen }
     }
 
     /// The pose of the reference camera at a time counted in key poses; smooth, at rest at the whole numbers.
@@ -113,35 +110,43 @@ fn long_edges(scene: &Scene) -> Vec<[Point3<f64>; 2]> {
     edges.filter(|[a, b]| (b - a).norm() > LONG_EDGE_M).collect()
 }
 
-/// Directions seen so far through each pair of cameras, as scatter matrices in the reference frame.
-fn known_directions(cameras: usize) -> Vec<Matrix3<f64>> {
-    vec![Matrix3::zeros(); cameras * cameras]
-}
-
 struct Planner<'a> {
     scene: &'a Scene,
     rig: &'a [RigCamera],
     edges: Vec<[Point3<f64>; 2]>,
+    /// Directions seen so far through each pair of cameras, as scatter matrices in the reference frame.
     known: Vec<Matrix3<f64>>,
+    chosen: Vec<Motion>,
 }
 
-impl Planner<'_> {
-    /// More for more shared edges, near ones, and directions that a pair has not seen yet.
+impl<'a> Planner<'a> {
+    fn new(scene: &'a Scene, rig: &'a [RigCamera]) -> Self {
+        let known = vec![Matrix3::zeros(); rig.len() * rig.len()];
+        Self { scene, rig, edges: long_edges(scene), known, chosen: Vec::with_capacity(KEY_POSES) }
+    }
+
+    /// More for more shared edges, near ones, directions that a pair has not seen yet, and places not yet looked at.
     fn score(&self, world_from_reference: &Motion) -> f64 {
         let mut gain = vec![0.0; self.known.len()];
         self.for_each_shared(world_from_reference, |pair, direction, depth_m| {
             let known = (direction.transpose() * self.known[pair] * direction).x;
             gain[pair] += 1.0 / ((1.0 + known) * (0.5 + depth_m));
         });
-        gain.iter().map(|g| g.ln_1p()).sum()
+        let shared: f64 = gain.iter().map(|g| g.ln_1p()).sum();
+        // A radian of turn shows as much that is new as a metre of way.
+        let news = self.chosen.iter().map(|other| {
+            translation_gap_m(other, world_from_reference) + rotation_gap_rad(other, world_from_reference)
+        });
+        shared * news.fold(1.0, f64::min)
     }
 
-    fn remember(&mut self, world_from_reference: &Motion) {
+    fn remember(&mut self, world_from_reference: Motion) {
         let mut known = std::mem::take(&mut self.known);
-        self.for_each_shared(world_from_reference, |pair, direction, _| {
+        self.for_each_shared(&world_from_reference, |pair, direction, _| {
             known[pair] += direction * direction.transpose();
         });
         self.known = known;
+        self.chosen.push(world_from_reference);
     }
 
     /// Calls with the pair, the direction in the reference frame and the mean depth of each edge that two cameras see.
@@ -222,4 +227,46 @@ impl Eye {
 
 fn length_px(a: PixelPoint, b: PixelPoint) -> f64 {
     (a.x - b.x).hypot(a.y - b.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::synthetic::SyntheticOptions;
+    use crate::capture::synthetic::room::furnished_room;
+
+    /// In most key poses the two cameras share a long edge, and the edges of all poses span space.
+    #[track_caller]
+    fn check_shared_edges(options: &SyntheticOptions, (first, second): (usize, usize)) {
+        let rig: Vec<RigCamera> = options.cameras.iter().map(|camera| camera.rig_camera()).collect();
+        let scene = furnished_room(options.seed, 0.2);
+        let path = Trajectory::plan(&scene, &rig, options.seed);
+        let planner = Planner::new(&scene, &rig);
+        let (mut poses, mut scatter) = (0, Matrix3::zeros());
+        for pose in &path.world_from_reference {
+            let mut edges = 0;
+            planner.for_each_shared(pose, |pair, direction, _| {
+                if pair == first * rig.len() + second {
+                    edges += 1;
+                    scatter += direction * direction.transpose();
+                }
+            });
+            poses += usize::from(edges > 0);
+        }
+        let spread = scatter.symmetric_eigenvalues();
+        let share = spread.min() / spread.sum();
+        assert!(poses * 10 > KEY_POSES * 6 && share > 0.03, "{poses} poses, least share {share}");
+    }
+
+    #[test]
+    fn neighbours_of_the_demo_rig_share_long_edges_of_many_directions() {
+        check_shared_edges(&SyntheticOptions::demo(), (0, 1));
+        check_shared_edges(&SyntheticOptions::demo(), (0, 2));
+    }
+
+    #[test]
+    fn pairs_share_long_edges_of_many_directions() {
+        check_shared_edges(&SyntheticOptions::pair(60.0, 0.3, 2), (0, 1));
+        check_shared_edges(&SyntheticOptions::pair(0.0, 0.2, 3), (0, 1));
+    }
 }
