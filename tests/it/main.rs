@@ -9,6 +9,7 @@
 mod bad_recording;
 mod fixture;
 mod frame_source;
+mod packaging;
 mod replay;
 mod scripted;
 mod writer;

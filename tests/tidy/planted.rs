@@ -39,7 +39,11 @@ fn an_unknown_module_and_the_wrong_half_of_a_module_are_found() {
 
 #[test]
 fn comments_strings_and_tests_use_whatever_they_like() {
-    finds(rules::uses, "// crate::capture\n/* crate::ipc /* crate::cli */ */ const A: &str = \"crate::cli\";", 0);
+    finds(
+        rules::uses,
+        "// crate::capture\n/* crate::ipc /* crate::cli */ */ const A: &str = \"crate::cli\";",
+        0,
+    );
     finds(rules::uses, "#[cfg(test)]\nmod tests {\n fn f() { use crate::capture; }\n}", 0);
     finds(rules::uses, "#[cfg(test)]\nmod tests;\nuse crate::capture;", 1);
     finds_in("src/solver/residual/tests.rs", rules::uses, "use crate::capture;", 0);
@@ -73,7 +77,8 @@ fn every_kind_of_impurity_is_found() {
     for text in planted {
         finds(rules::impurities, text, 1);
     }
-    let pure = "use std::collections::BTreeMap;\n/// Instant, std::fs\nstatic NAMES: [&str; 1] = [\"println\"];";
+    let pure =
+        "use std::collections::BTreeMap;\n/// Instant, std::fs\nstatic NAMES: [&str; 1] = [\"println\"];";
     finds(rules::impurities, pure, 0);
 }
 
@@ -84,6 +89,7 @@ fn a_panic_outside_tests_is_found() {
     finds(rules::panics, "todo!()", 1);
     finds(rules::panics, "let a = b.unwrap_or(c).expect_err; // .unwrap()", 0);
     finds(rules::panics, "#[cfg(test)]\nmod tests { fn f() { a.unwrap(); } }", 0);
+    finds(rules::panics, "#[allow(clippy::expect_used, reason = \"r\")]\nlet a = b.expect(\"c\");", 0);
 }
 
 #[test]
@@ -112,9 +118,11 @@ fn paths_of_one_machine_and_hosts_are_found() {
 
 #[test]
 fn a_dependency_without_a_reason_is_found() {
-    let good = "[package]\nname = \"a\"\n[dependencies]\n# Why.\nserde = \"1\"\n\n# Why.\nb = { version = \"1\" }\n";
+    let good =
+        "[package]\nname = \"a\"\n[dependencies]\n# Why.\nserde = \"1\"\n\n# Why.\nb = { version = \"1\" }\n";
     assert_eq!(rules::unexplained_dependencies(good), Vec::<String>::new());
-    let bad = "[dev-dependencies]\n# Why.\na = \"1\"\nb = \"1\"\n[target.'cfg(unix)'.dependencies]\nc = \"1\"\n";
+    let bad =
+        "[dev-dependencies]\n# Why.\na = \"1\"\nb = \"1\"\n[target.'cfg(unix)'.dependencies]\nc = \"1\"\n";
     assert_eq!(rules::unexplained_dependencies(bad).len(), 2);
 }
 

@@ -48,7 +48,11 @@ pub fn without_comments(text: &str) -> String {
     while !rest.is_empty() {
         let (length, is_code) = piece(rest);
         let (now, later) = rest.split_at(length);
-        if is_code { code.push_str(now) } else { code.push_str(&blank(now)) }
+        if is_code {
+            code.push_str(now)
+        } else {
+            code.push_str(&blank(now))
+        }
         rest = later;
     }
     code
