@@ -18,7 +18,7 @@ use source::{TextFile, files};
 /// Where Rust is written by hand.
 const RUST: [&str; 4] = ["src", "tests", "benches", "examples"];
 /// What else is written by hand; generated and fetched things are left out.
-const TEXTS: [&str; 17] = [
+const TEXTS: [&str; 15] = [
     ".ci",
     ".gitignore",
     "ARCHITECTURE.md",
@@ -34,8 +34,6 @@ const TEXTS: [&str; 17] = [
     "scripts",
     "systemd",
     "udev",
-    "Makefile",
-    "package",
 ];
 
 fn rust_files(folders: &[&str]) -> Vec<TextFile> {

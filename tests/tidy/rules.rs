@@ -12,7 +12,10 @@ pub const USES: [(&str, &[&str]); 10] = [
     ("pipeline", &["geometry", "image", "lines", "solver", "capture"]),
     ("ipc", &["geometry", "solver"]),
     ("service", &["geometry", "lines", "solver", "capture", "pipeline", "ipc"]),
-    ("cli", &["geometry", "solver", "capture", "pipeline", "ipc", "service::config"]),
+    (
+        "cli",
+        &["geometry", "solver", "capture", "pipeline", "ipc", "service::config", "service::ServiceError"],
+    ),
     ("bin", &["service", "cli"]),
 ];
 
