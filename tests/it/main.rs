@@ -11,6 +11,7 @@ mod fixture;
 mod frame_source;
 mod ipc;
 mod pipeline;
+mod packaging;
 mod replay;
 mod scripted;
 mod writer;
