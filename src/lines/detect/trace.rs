@@ -91,7 +91,7 @@ impl Tracer {
 
     /// The strongest of the three next pixels, marked as used; `None` where the edge ends.
     fn step(&mut self, gradient: &Gradient, at: usize, way: Way, follow: i16) -> Option<usize> {
-        let (gx, gy) = (i32::from(gradient.x[at]), i32::from(gradient.y[at]));
+        let [gx, gy] = gradient.vector[at].map(i32::from);
         // Along the edge with the brighter side on the right hand: (gy, -gx).
         let (ahead, aside) = if gy.abs() >= gx.abs() {
             (isize::from(gy > 0) * 2 - 1, gradient.width as isize)
@@ -109,7 +109,8 @@ impl Tracer {
             }
         }
         let best = best?;
-        let agrees = gx * i32::from(gradient.x[best]) + gy * i32::from(gradient.y[best]) > 0;
+        let [next_x, next_y] = gradient.vector[best].map(i32::from);
+        let agrees = gx * next_x + gy * next_y > 0;
         if self.used[best] || !agrees {
             return None;
         }
@@ -120,7 +121,8 @@ impl Tracer {
 
 /// Index distance to the neighbours across the edge.
 fn across(gradient: &Gradient, at: usize) -> usize {
-    let horizontal = gradient.y[at].unsigned_abs() >= gradient.x[at].unsigned_abs();
+    let [x, y] = gradient.vector[at];
+    let horizontal = y.unsigned_abs() >= x.unsigned_abs();
     if horizontal { gradient.width } else { 1 }
 }
 

@@ -163,7 +163,7 @@ impl<'a> Scan<'a> {
 
     /// Gradient along the normal.
     fn projected(&self, index: usize) -> f32 {
-        let [x, y] = [self.gradient.x[index], self.gradient.y[index]].map(f32::from);
+        let [x, y] = self.gradient.vector[index].map(f32::from);
         x * self.normal[0] + y * self.normal[1]
     }
 
@@ -185,7 +185,7 @@ impl<'a> Scan<'a> {
         if peak < MIN_PEAK || before > peak || after > peak {
             return None;
         }
-        let [x, y] = [self.gradient.x[top], self.gradient.y[top]].map(f32::from);
+        let [x, y] = self.gradient.vector[top].map(f32::from);
         if peak * peak < MIN_COSINE * MIN_COSINE * (x * x + y * y) {
             return None;
         }
