@@ -13,7 +13,7 @@ const OUTER_PX: f64 = INNER_PX + ZONE_PX * ZONES as f64;
 /// Most cells along the edge.
 pub const MAX_BINS: usize = 12;
 /// Segments longer than this are read every other column, than twice this every third, px.
-const LONG_PX: f64 = 100.0;
+const LONG_PX: f64 = 200.0;
 /// Length of a cell, px, where the segment is short enough for it.
 const BIN_PX: f64 = 10.0;
 /// Readings a cell keeps for its median.
