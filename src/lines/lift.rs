@@ -82,6 +82,10 @@ impl Lifter {
     }
 
     /// Replaces `lines` by one observation per segment, in the same order; `depth` is `None` where too little depth agrees.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "three inputs of different kinds and the output that is reused"
+    )]
     pub fn lift(
         &mut self,
         segments: &[Segment],
@@ -104,7 +108,7 @@ impl Lifter {
     fn depth_of(&mut self, segment: &Segment, depth: &DepthView<'_>, camera: &Camera) -> Option<DepthFit> {
         let length_px = segment.length_px();
         // Also refuses ends that are not numbers.
-        if !(length_px >= MIN_LENGTH_PX && length_px < 1e5) {
+        if !(MIN_LENGTH_PX..1e5).contains(&length_px) {
             return None;
         }
         band::read(&mut self.bands, segment, depth, camera);
