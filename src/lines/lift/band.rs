@@ -18,6 +18,8 @@ const LONG_PX: f64 = 200.0;
 const BIN_PX: f64 = 10.0;
 /// Readings a cell keeps for its median.
 const CELL_READINGS: usize = 12;
+/// More than one side of any segment gives: 200 columns of half 17 px, or as many of a longer segment's.
+const MAX_READINGS: usize = 2048;
 /// A cell with fewer readings has no value.
 const MIN_CELL_READINGS: usize = 3;
 
@@ -147,6 +149,8 @@ impl Band {
     fn reset(&mut self, n_bins: usize) {
         self.n_bins = n_bins;
         self.readings.clear();
+        self.readings.reserve(MAX_READINGS);
+        self.cells.reserve(ZONES * MAX_BINS);
         self.builders.clear();
         self.builders.resize(ZONES * MAX_BINS, CellBuilder::default());
     }
