@@ -35,7 +35,7 @@ pub struct DetectOptions {
 
 impl Default for DetectOptions {
     fn default() -> Self {
-        Self { min_length_px: 28.0, min_gradient_levels_per_px: 1.5, max_segments: 300 }
+        Self { min_length_px: 28.0, min_gradient_levels_per_px: 1.2, max_segments: 300 }
     }
 }
 
