@@ -17,7 +17,7 @@ use plane::Plane;
 /// Short segments have no direction worth lifting, px.
 const MIN_LENGTH_PX: f64 = 4.0;
 /// Least number of agreeing readings.
-const MIN_INLIERS: f64 = 20.0;
+const MIN_INLIERS: f64 = 12.0;
 /// Gate of the fits, in standard deviations of a reading.
 const GATE_SIGMAS: f64 = 3.0;
 /// The same for the median of a cell, which has about half the deviation of a reading.
@@ -82,6 +82,10 @@ impl Lifter {
     }
 
     /// Replaces `lines` by one observation per segment, in the same order; `depth` is `None` where too little depth agrees.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "three inputs of different kinds and the output that is reused"
+    )]
     pub fn lift(
         &mut self,
         segments: &[Segment],
@@ -104,7 +108,7 @@ impl Lifter {
     fn depth_of(&mut self, segment: &Segment, depth: &DepthView<'_>, camera: &Camera) -> Option<DepthFit> {
         let length_px = segment.length_px();
         // Also refuses ends that are not numbers.
-        if !(length_px >= MIN_LENGTH_PX && length_px < 1e5) {
+        if !(MIN_LENGTH_PX..1e5).contains(&length_px) {
             return None;
         }
         band::read(&mut self.bands, segment, depth, camera);
@@ -228,9 +232,8 @@ const SLOW_LENGTH_PX: f64 = 55.0;
 /// lengths beyond the band's width, which moves the two ends.
 fn covariance(unit_covariance: &Matrix4<f64>, sigma_per_m: f64, length_px: f64) -> Matrix4<f64> {
     let variance = sigma_per_m * sigma_per_m;
-    // Pixels that each reading stands for.
-    let n_skipped = band::column_step(length_px) as f64;
-    let mut covariance = unit_covariance * ((1.0 - SLOW_SHARE) * variance * QUICK_AREA_PX2 / n_skipped);
+    let readings_per_independent = QUICK_AREA_PX2 / band::pixels_per_reading(length_px);
+    let mut covariance = unit_covariance * ((1.0 - SLOW_SHARE) * variance * readings_per_independent);
     // A mean and a tilt from n independent pieces: the tilt moves each end by 3/n, and cannot be told with one piece.
     let n = 1.0 + length_px / SLOW_LENGTH_PX;
     let (mean, tilt) = (1.0 / n, 3.0 / n * (1.0 - 1.0 / n));

@@ -155,7 +155,7 @@ impl Look {
         (sine, (offset - direction * gap_m).norm(), gap_m.abs())
     }
 
-    /// Whether the full residual could pass: a bound at six standard deviations.
+    /// Whether the full residual could pass: a bound at 4.5 standard deviations, added up.
     fn is_possible(&self, candidate: &Candidate, gate: &Gate) -> bool {
         let (angle_rad, distance_m, gap_m) = self.apart(candidate);
         let sigma_rad = gate.rotation_rad + gate.noise_scale * candidate.sigma_angle_rad;
@@ -163,7 +163,7 @@ impl Look {
         let sigma_m = gate.translation_m
             + gate.rotation_rad * lever_m
             + gate.noise_scale * (candidate.sigma_position_m + candidate.sigma_angle_rad * gap_m);
-        angle_rad < 6.0 * sigma_rad && distance_m < 6.0 * sigma_m
+        angle_rad < 4.5 * sigma_rad && distance_m < 4.5 * sigma_m
     }
 }
 

@@ -5,7 +5,7 @@
 use super::association::{Gate, Match, Scene, coarse_score};
 use super::candidates::{Candidate, PairEvidence};
 use super::free_space::free_space;
-use super::refine::{Refined, refine};
+use super::refine::{Refined, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
 use super::rotation_vote::rotation_modes;
 use super::translation_vote::{Blur, COARSE, FINE, TranslationGrid, translation_lines};
 use crate::geometry::Camera;
@@ -14,7 +14,7 @@ use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 /// Lines whose direction is worse than this do not vote for rotations, rad (3 degrees).
 const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
 /// Rotations tried.
-const MAX_MODES: usize = 200;
+const MAX_MODES: usize = 100;
 /// Translations tried per rotation, by the rotation's rank: where lines share a room's axes, the true rotation leads, and the
 /// true translation may hide among many peaks of parallel bundles.
 const PEAKS_BY_RANK: [(usize, usize, Blur); 3] = [(6, 800, FINE), (60, 60, COARSE), (MAX_MODES, 12, COARSE)];
@@ -23,9 +23,9 @@ const MAX_REFINED: usize = 160;
 /// Of these, the poses that are settled.
 const MAX_SETTLED: usize = 60;
 /// How wide matches are looked for at first: standard deviations of the start, m and rad.
-const DRAWING_IN: [(f64, f64); 2] = [(0.04, 0.02), (0.02, 0.01)];
+const DRAWING_IN: [(f64, f64); 1] = [(0.03, 0.015)];
 /// ... and while a pose settles.
-const SETTLING: [(f64, f64); 2] = [(0.01, 0.005), (0.004, 0.002)];
+const SETTLING: [(f64, f64); 3] = [(0.02, 0.01), (0.01, 0.005), (0.004, 0.002)];
 /// Three lines fix a pose.
 const MIN_MATCHES: usize = 3;
 
@@ -56,7 +56,7 @@ pub struct Ranking {
 }
 
 /// What makes a pose impossible whatever lines agree with it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub struct RankLimits<'a> {
     /// Intrinsics of the rig's cameras.
     pub cameras: &'a [Camera],
@@ -64,18 +64,22 @@ pub struct RankLimits<'a> {
     pub max_baseline_m: f64,
     /// Largest share of surface samples that may contradict free space.
     pub max_free_space_violated: f64,
+    /// Asked often; once it says no, the ranking is given up.
+    pub keep_going: &'a dyn Fn() -> bool,
 }
 
-/// Ranks the poses of a pair; `None` when no candidates agree on any pose.
+/// Ranks the poses of a pair; `None` when no candidates agree on any possible pose. A ranking that was given up is incomplete: the
+/// caller must not use it.
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Option<Ranking> {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
-    let starts = coarse_poses(&candidates, limits.max_baseline_m);
+    let starts = coarse_poses(&candidates, limits);
     let scene = Scene { pair, candidates: &candidates };
+    let going = starts.iter().take_while(|_| (limits.keep_going)());
     let mut drawn_in: Vec<Approach<'_>> =
-        starts.iter().filter_map(|(pose, _)| Approach::start(scene, pose)).collect();
+        going.clone().filter_map(|(pose, _)| Approach::start(scene, pose)).collect();
     drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let mut settled: Vec<Hypothesis> =
-        drawn_in.into_iter().take(MAX_SETTLED).filter_map(Approach::settle).collect();
+    let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| (limits.keep_going)());
+    let mut settled: Vec<Hypothesis> = going.filter_map(Approach::settle).collect();
     settled.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut possible = settled.into_iter().filter(|settled| {
         let pose = &settled.refined.target_from_source;
@@ -112,13 +116,13 @@ impl PoseGap {
 }
 
 /// Rotation modes, translation peaks of each, and the best of all by the coarse score.
-fn coarse_poses(candidates: &[Candidate], max_baseline_m: f64) -> Vec<(Motion, f64)> {
+fn coarse_poses(candidates: &[Candidate], limits: &RankLimits<'_>) -> Vec<(Motion, f64)> {
     let modes = rotation_modes(candidates, MAX_MODES);
     let mut poses: Vec<(Motion, f64)> = Vec::new();
     let mut first = 0;
     for (end, max_peaks, blur) in PEAKS_BY_RANK {
-        let mut grid = TranslationGrid::new(max_baseline_m, blur.cell_m);
-        for mode in modes.iter().take(end).skip(first) {
+        let mut grid = TranslationGrid::new(limits.max_baseline_m, blur.cell_m);
+        for mode in modes.iter().take(end).skip(first).take_while(|_| (limits.keep_going)()) {
             let lines = translation_lines(candidates, &mode.target_from_source);
             for translation_m in grid.peaks(candidates, &lines, max_peaks) {
                 let score = coarse_score(candidates, &lines, (&translation_m, &blur));
@@ -158,7 +162,7 @@ impl<'a> Approach<'a> {
     fn start(scene: Scene<'a>, start: &Motion) -> Option<Self> {
         let mut approach = Self { scene, near: scene.near(start), pose: *start, score: 0.0 };
         for (translation_m, rotation_rad) in DRAWING_IN {
-            approach.step(&Gate { translation_m, rotation_rad, noise_scale: 1.0 })?;
+            approach.step(&Gate { translation_m, rotation_rad, noise_scale: 1.0 }, TOWARDS_THE_MINIMUM)?;
         }
         Some(approach)
     }
@@ -166,26 +170,29 @@ impl<'a> Approach<'a> {
     /// Closes the gate down to the lines' own noise; the noise is scaled up where the sensor is worse than its model.
     fn settle(mut self) -> Option<Hypothesis> {
         for (translation_m, rotation_rad) in SETTLING {
-            self.step(&Gate { translation_m, rotation_rad, noise_scale: 1.0 })?;
+            self.step(&Gate { translation_m, rotation_rad, noise_scale: 1.0 }, TOWARDS_THE_MINIMUM)?;
         }
         let mut noise_scale = 1.0;
         for _ in 0..2 {
-            let matches = self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale })?;
+            let matches =
+                self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale }, TO_THE_MINIMUM)?;
             noise_scale = (noise_scale * excess_noise(&matches)).clamp(1.0, MAX_NOISE_SCALE);
         }
-        let matches = self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale })?;
-        let refined = refine(&self.scene, &indices(&matches), &self.pose, noise_scale);
+        let matches =
+            self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale }, TO_THE_MINIMUM)?;
+        let refined = refine(&self.scene, &indices(&matches), &self.pose, (noise_scale, TO_THE_MINIMUM));
         Some(Hypothesis { refined, matches, score: self.score, noise_scale })
     }
 
     /// Matches under the gate, and moves to the pose that fits them.
-    fn step(&mut self, gate: &Gate) -> Option<Vec<Match>> {
+    fn step(&mut self, gate: &Gate, max_steps: usize) -> Option<Vec<Match>> {
         let matches = self.scene.matches(&self.near, &self.pose, gate);
         if matches.len() < MIN_MATCHES {
             return None;
         }
         self.score = matches.iter().map(|found| found.gain).sum();
-        self.pose = refine(&self.scene, &indices(&matches), &self.pose, gate.noise_scale).target_from_source;
+        let limits = (gate.noise_scale, max_steps);
+        self.pose = refine(&self.scene, &indices(&matches), &self.pose, limits).target_from_source;
         Some(matches)
     }
 }

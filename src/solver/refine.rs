@@ -6,8 +6,10 @@ use super::association::{MAX_DISTANCE2, Scene};
 use super::residual::{MatchResidual, match_residual};
 use crate::geometry::motion::{Motion, updated};
 
-/// Most steps tried; a start within the voting's reach needs 5 to 15.
-const MAX_STEPS: usize = 30;
+/// Steps that take a start within the voting's reach to the minimum (5 to 15 are needed).
+pub const TO_THE_MINIMUM: usize = 30;
+/// Steps that bring a start near the minimum, where the matches will change anyway.
+pub const TOWARDS_THE_MINIMUM: usize = 4;
 /// A step this small ends the iteration: m and rad.
 const SMALL_STEP: f64 = 1e-8;
 /// Width of the Cauchy loss in standard deviations of one match (four numbers: true matches lie near 2).
@@ -37,13 +39,18 @@ pub struct Refined {
     pub stop: Stop,
 }
 
-/// Minimises the robust cost over the given matches (indices of candidates).
-pub fn refine(scene: &Scene<'_>, matches: &[usize], start: &Motion, noise_scale: f64) -> Refined {
+/// Minimises the robust cost over the given matches (indices of candidates) in at most `max_steps`.
+pub fn refine(
+    scene: &Scene<'_>,
+    matches: &[usize],
+    start: &Motion,
+    (noise_scale, max_steps): (f64, usize),
+) -> Refined {
     let mut pose = *start;
     let mut system = NormalEquations::at(scene, matches, &pose, noise_scale);
     let mut damping = 1e-4;
     let mut stop = Stop::StepLimit;
-    for _ in 0..MAX_STEPS {
+    for _ in 0..max_steps {
         let Some(step) = system.step(damping) else {
             stop = Stop::Singular;
             break;

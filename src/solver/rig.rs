@@ -65,11 +65,21 @@ impl RigEstimator {
 
     /// The best estimate from everything added so far; the same sets give the same bits.
     pub fn solve(&self) -> RigCalibration {
+        self.solve_all(&|| true)
+    }
+
+    /// The same, but given up (`None`) soon after `keep_going` says no; it is asked every few milliseconds.
+    pub fn solve_while(&self, keep_going: &dyn Fn() -> bool) -> Option<RigCalibration> {
+        let calibration = self.solve_all(keep_going);
+        keep_going().then_some(calibration)
+    }
+
+    fn solve_all(&self, keep_going: &dyn Fn() -> bool) -> RigCalibration {
         let n_cameras = self.cameras.len();
         let mut pairs = Vec::new();
         for target in 0..n_cameras {
             for source in target + 1..n_cameras {
-                pairs.push(self.judge_pair(target, source));
+                pairs.push(self.judge_pair((target, source), keep_going));
             }
         }
         let joint = self.join(&pairs);
@@ -94,7 +104,7 @@ impl RigEstimator {
     }
 
     /// Ranks the poses of one pair and judges the best.
-    fn judge_pair(&self, target: usize, source: usize) -> JudgedPair {
+    fn judge_pair(&self, (target, source): (usize, usize), keep_going: &dyn Fn() -> bool) -> JudgedPair {
         let pair = PairEvidence { evidence: &self.evidence, target, source };
         let mut estimate = PairEstimate {
             target,
@@ -112,6 +122,7 @@ impl RigEstimator {
             cameras: &self.cameras,
             max_baseline_m: self.options.max_baseline_m,
             max_free_space_violated: self.options.verdict.max_free_space_violated,
+            keep_going,
         };
         let Some(ranking) = rank_poses(pair, &limits) else {
             let sentence =

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
 
 use super::association::{Match, Scene};
 use super::consensus::{Hypothesis, Ranking};
-use super::refine::{Refined, refine};
+use super::refine::{Refined, TO_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode, State};
 use crate::geometry::motion::{rotation_gap_rad, translation_gap_m};
 
@@ -163,8 +163,9 @@ fn observability(bench: &Bench<'_>) -> Objection {
 
 fn halves(bench: &Bench<'_>) -> Objection {
     let best = &bench.ranking.best;
-    let [first, second] = split(&bench.scene, &best.matches)
-        .map(|half| refine(&bench.scene, &half, &best.refined.target_from_source, best.noise_scale));
+    let [first, second] = split(&bench.scene, &best.matches).map(|half| {
+        refine(&bench.scene, &half, &best.refined.target_from_source, (best.noise_scale, TO_THE_MINIMUM))
+    });
     let gap = gap(&first, &second);
     let spread = covariance(&first).zip(covariance(&second)).map(|(a, b)| a + b);
     let Some(cholesky) = spread.and_then(Matrix6::cholesky) else {

@@ -14,6 +14,7 @@ mod env;
 mod fixture;
 mod frame_source;
 mod ipc;
+mod packaging;
 mod pipeline;
 mod replay;
 mod scripted;

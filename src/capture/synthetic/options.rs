@@ -62,7 +62,8 @@ pub struct SyntheticOptions {
     pub period: Duration,
     /// Frame sets until the end of the stream; `None` is endless.
     pub frame_sets: Option<u64>,
-    /// Key poses of the path that lie between two views: 1 jumps from aimed pose to aimed pose, 0.02 moves smoothly.
+    /// Key poses of the path that lie between two views: 1 jumps from aimed pose to aimed pose, 0.01 moves
+    /// smoothly. A lap has 64 key poses; the next lap repeats the views with other noise.
     pub view_step: f64,
     /// Frame sets for which the rig stands still at each view (step and stop); 1 changes the view with every frame.
     pub frames_per_view: u64,

@@ -20,9 +20,6 @@ const VISIBLE_PX: f64 = 80.0;
 const AIM_RANGE_M: [f64; 2] = [0.4, 3.5];
 /// Points looked at along an edge.
 const EDGE_POINTS: usize = 13;
-/// Share of a lap by which the next lap is shifted, so that views do not repeat (golden section).
-const LAP_SHIFT: f64 = 0.381_966;
-
 /// A camera of the rig, as the planner needs it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RigCamera {
@@ -54,9 +51,7 @@ impl Trajectory {
     /// The pose of the reference camera at a time counted in key poses; smooth, at rest at the whole numbers.
     pub(super) fn world_from_reference(&self, time: f64) -> Motion {
         let count = self.world_from_reference.len();
-        // Counted from a multiple of the lap so that the shift stays exact for days.
-        let lap = (time / count as f64).floor();
-        let place = (time - lap * count as f64 + (lap * LAP_SHIFT).fract()).max(0.0);
+        let place = time.rem_euclid(count as f64);
         let (key, share) = (place.floor() as usize % count, place.fract());
         let eased = share * share * (3.0 - 2.0 * share);
         let (from, to) = (&self.world_from_reference[key], &self.world_from_reference[(key + 1) % count]);

@@ -16,10 +16,8 @@ pub struct Gradient {
     pub width: usize,
     /// Height, px.
     pub height: usize,
-    /// Along x.
-    pub x: Vec<i16>,
-    /// Along y.
-    pub y: Vec<i16>,
+    /// Along x and y, together because they are read together.
+    pub vector: Vec<[i16; 2]>,
     /// `|x| + |y|`; at most 32640.
     pub magnitude: Vec<i16>,
     smooth: Vec<i16>,
@@ -32,7 +30,9 @@ impl Gradient {
         let (width, height) = (image.width(), image.height());
         if (width, height) != (self.width, self.height) {
             (self.width, self.height) = (width, height);
-            for plane in [&mut self.x, &mut self.y, &mut self.magnitude, &mut self.smooth] {
+            self.vector.clear();
+            self.vector.resize(width * height, [0; 2]);
+            for plane in [&mut self.magnitude, &mut self.smooth] {
                 plane.clear();
                 plane.resize(width * height, 0);
             }
@@ -74,13 +74,12 @@ impl Gradient {
         let [left, right] = [2, 4].map(|shift| at(y, shift));
         let [below_l, below, below_r] = [2, 3, 4].map(|shift| at(y + 1, shift));
         let inner = y * n + BORDER_PX..y * n + BORDER_PX + m;
-        let (out_x, out_y) = (&mut self.x[inner.clone()], &mut self.y[inner.clone()]);
+        let out_vector = &mut self.vector[inner.clone()];
         let out_magnitude = &mut self.magnitude[inner];
         for i in 0..m {
             let x = (above_r[i] - above_l[i]) + 2 * (right[i] - left[i]) + (below_r[i] - below_l[i]);
             let y = (below_l[i] - above_l[i]) + 2 * (below[i] - above[i]) + (below_r[i] - above_r[i]);
-            out_x[i] = x;
-            out_y[i] = y;
+            out_vector[i] = [x, y];
             out_magnitude[i] = x.abs() + y.abs();
         }
     }

@@ -14,8 +14,15 @@ const MIN_GAIN: f64 = 0.02;
 const GAP_SHARE: f64 = 0.25;
 /// ... within these limits, px.
 const GAP_LIMITS_PX: [f64; 2] = [5.0, 45.0];
+/// An extent grows to a column when, of this many columns up to it ...
+const RECENT: i64 = 8;
+/// ... at least so many show the edge.
+const MIN_RECENT: u32 = 6;
 /// Least share of columns with a sample.
 const MIN_SUPPORT: f64 = 0.6;
+/// Least mean sharpness: a soft shadow or a shaded curve falls off over many pixels and is no line of the scene (0.44 is
+/// sharp, 0.15 blurred by another 2 px).
+const MIN_SHARPNESS: f64 = 0.15;
 /// Least cosine between two segments that may be one edge (10 degrees).
 const MIN_COSINE_SAME: f64 = 0.985;
 /// Largest share of a segment's columns that another segment of its direction may own.
@@ -70,10 +77,10 @@ impl Grower {
         if self.is_taken(&Scan::new(gradient, track), &track, extent) {
             return None;
         }
+        self.collect(&Scan::new(gradient, track), extent);
         for _ in 0..MAX_ROUNDS {
-            self.collect(&Scan::new(gradient, track), extent);
             track = track.fitted(&self.samples, 2)?;
-            let grown = self.extended(&Scan::new(gradient, track), &track, extent);
+            let grown = self.extend(&Scan::new(gradient, track), track.direction(), extent);
             let gained = grown.columns() - extent.columns();
             extent = grown;
             if gained < MIN_GAIN * extent.columns() {
@@ -87,7 +94,9 @@ impl Grower {
         track = track.fitted(&self.samples, 4)?;
         let extent = Extent { low: self.samples.first()?.u as i64, high: self.samples.last()?.u as i64 };
         let scan = Scan::new(gradient, track);
-        let supported = self.samples.len() as f64 >= MIN_SUPPORT * extent.columns();
+        let n_samples = self.samples.len() as f64;
+        let is_sharp = self.samples.iter().map(|s| s.sharpness).sum::<f64>() >= MIN_SHARPNESS * n_samples;
+        let supported = is_sharp && n_samples >= MIN_SUPPORT * extent.columns();
         let long_enough = (extent.columns() - 1.0) * track.stretch() >= min_length_px;
         if !supported || !long_enough || self.is_taken(&scan, &track, extent) {
             return None;
@@ -116,28 +125,42 @@ impl Grower {
         ax * bx + ay * by >= MIN_COSINE_SAME
     }
 
-    fn extended(&self, scan: &Scan<'_>, track: &Track, extent: Extent) -> Extent {
+    /// Walks on from both ends of the extent; adds what it sees to the samples.
+    fn extend(&mut self, scan: &Scan<'_>, direction: [f64; 2], extent: Extent) -> Extent {
+        let max_gap = (GAP_SHARE * extent.columns()).clamp(GAP_LIMITS_PX[0], GAP_LIMITS_PX[1]) as i64;
+        let reach = max_gap + RECENT;
+        let down = (scan.low..extent.low).rev();
+        let up = extent.high + 1..=scan.high;
         Extent {
-            low: self.end_of_support(scan, track, (extent, -1)),
-            high: self.end_of_support(scan, track, (extent, 1)),
+            low: self.walk((scan, direction), down, reach).unwrap_or(extent.low),
+            high: self.walk((scan, direction), up, reach).unwrap_or(extent.high),
         }
     }
 
-    /// Walks on from one end of the extent while most of the last eight columns show the edge or a gap is short.
-    fn end_of_support(&self, scan: &Scan<'_>, track: &Track, (extent, step): (Extent, i64)) -> i64 {
-        let max_gap = (GAP_SHARE * extent.columns()).clamp(GAP_LIMITS_PX[0], GAP_LIMITS_PX[1]) as i64;
-        let direction = track.direction();
-        let mut accepted = if step > 0 { extent.high } else { extent.low };
+    /// Goes along `columns` while most of the last few show the edge, or a gap is within reach; the last column of the edge.
+    fn walk(
+        &mut self,
+        (scan, direction): (&Scan<'_>, [f64; 2]),
+        columns: impl Iterator<Item = i64>,
+        reach: i64,
+    ) -> Option<i64> {
+        let (mut accepted, mut n_samples) = (None, self.samples.len());
         let mut recent = u8::MAX;
-        let mut u = accepted + step;
-        while u >= scan.low && u <= scan.high && (u - accepted).abs() <= max_gap + 8 {
-            let seen = scan.sample(u).is_some() && !self.is_owned(scan, direction, u);
-            recent = (recent << 1) | u8::from(seen);
-            if seen && recent.count_ones() >= 6 {
-                accepted = u;
+        let mut n_since = 0;
+        for u in columns {
+            let sample = scan.sample(u).filter(|_| !self.is_owned(scan, direction, u));
+            self.samples.extend(sample);
+            recent = (recent << 1) | u8::from(sample.is_some());
+            n_since += 1;
+            if sample.is_some() && recent.count_ones() >= MIN_RECENT {
+                (accepted, n_samples, n_since) = (Some(u), self.samples.len(), 0);
             }
-            u += step;
+            if n_since > reach {
+                break;
+            }
         }
+        // What was seen beyond the last accepted column is of something else.
+        self.samples.truncate(n_samples);
         accepted
     }
 

@@ -36,6 +36,8 @@ enum Way {
 /// Draws the edges of one gradient image.
 #[derive(Debug, Default)]
 pub struct Tracer {
+    /// Least gradient to go on, counts.
+    follow: i16,
     used: Vec<bool>,
     backward: Vec<EdgePoint>,
     chain: Vec<EdgePoint>,
@@ -44,6 +46,7 @@ pub struct Tracer {
 impl Tracer {
     /// Calls `take` with each chain of points, in order along the edge.
     pub fn trace(&mut self, gradient: &Gradient, limits: TraceLimits, mut take: impl FnMut(&[EdgePoint])) {
+        self.follow = limits.follow;
         self.used.clear();
         self.used.resize(gradient.magnitude.len(), false);
         self.backward.reserve(MAX_CHAIN_PX);
@@ -57,7 +60,7 @@ impl Tracer {
                     && !self.used[row + x]
                     && is_ridge(gradient, row + x)
                 {
-                    self.draw(gradient, limits.follow, row + x);
+                    self.draw(gradient, row + x);
                     take(&self.chain);
                 }
             }
@@ -65,12 +68,12 @@ impl Tracer {
     }
 
     /// Replaces the chain by the edge through an anchor.
-    fn draw(&mut self, gradient: &Gradient, follow: i16, anchor: usize) {
+    fn draw(&mut self, gradient: &Gradient, anchor: usize) {
         self.backward.clear();
         self.chain.clear();
         self.used[anchor] = true;
         let mut at = anchor;
-        while let Some(next) = self.step(gradient, at, Way::Backward, follow) {
+        while let Some(next) = self.step(gradient, at, Way::Backward) {
             self.backward.push(localise(gradient, next));
             at = next;
             if self.backward.len() == MAX_CHAIN_PX {
@@ -80,7 +83,7 @@ impl Tracer {
         self.chain.extend(self.backward.iter().rev());
         self.chain.push(localise(gradient, anchor));
         at = anchor;
-        while let Some(next) = self.step(gradient, at, Way::Forward, follow) {
+        while let Some(next) = self.step(gradient, at, Way::Forward) {
             self.chain.push(localise(gradient, next));
             at = next;
             if self.chain.len() == 2 * MAX_CHAIN_PX {
@@ -90,8 +93,8 @@ impl Tracer {
     }
 
     /// The strongest of the three next pixels, marked as used; `None` where the edge ends.
-    fn step(&mut self, gradient: &Gradient, at: usize, way: Way, follow: i16) -> Option<usize> {
-        let (gx, gy) = (i32::from(gradient.x[at]), i32::from(gradient.y[at]));
+    fn step(&mut self, gradient: &Gradient, at: usize, way: Way) -> Option<usize> {
+        let [gx, gy] = gradient.vector[at].map(i32::from);
         // Along the edge with the brighter side on the right hand: (gy, -gx).
         let (ahead, aside) = if gy.abs() >= gx.abs() {
             (isize::from(gy > 0) * 2 - 1, gradient.width as isize)
@@ -104,12 +107,13 @@ impl Tracer {
         let mut best: Option<usize> = None;
         for candidate in candidates {
             let magnitude = gradient.magnitude.get(candidate).copied().unwrap_or(0);
-            if magnitude >= follow && best.is_none_or(|best| magnitude > gradient.magnitude[best]) {
+            if magnitude >= self.follow && best.is_none_or(|best| magnitude > gradient.magnitude[best]) {
                 best = Some(candidate);
             }
         }
         let best = best?;
-        let agrees = gx * i32::from(gradient.x[best]) + gy * i32::from(gradient.y[best]) > 0;
+        let [next_x, next_y] = gradient.vector[best].map(i32::from);
+        let agrees = gx * next_x + gy * next_y > 0;
         if self.used[best] || !agrees {
             return None;
         }
@@ -120,7 +124,8 @@ impl Tracer {
 
 /// Index distance to the neighbours across the edge.
 fn across(gradient: &Gradient, at: usize) -> usize {
-    let horizontal = gradient.y[at].unsigned_abs() >= gradient.x[at].unsigned_abs();
+    let [x, y] = gradient.vector[at];
+    let horizontal = y.unsigned_abs() >= x.unsigned_abs();
     if horizontal { gradient.width } else { 1 }
 }
 

@@ -34,6 +34,8 @@ pub struct Sample {
     pub v: f64,
     /// Inverse variance before robust weighting, 1/px².
     pub weight: f64,
+    /// How much the gradient falls within a pixel on both sides, as a share of the peak; 0.44 on a sharp edge.
+    pub sharpness: f64,
 }
 
 impl Track {
@@ -99,7 +101,7 @@ impl Track {
         }
         let determinant = n * suu - su * su;
         // Below this all weight sits on one or two columns.
-        if !(determinant > 1e-6 * n * n) {
+        if determinant.is_nan() || determinant <= 1e-6 * n * n {
             return None;
         }
         let slope = (n * suv - su * sv) / determinant;
@@ -163,7 +165,7 @@ impl<'a> Scan<'a> {
 
     /// Gradient along the normal.
     fn projected(&self, index: usize) -> f32 {
-        let [x, y] = [self.gradient.x[index], self.gradient.y[index]].map(f32::from);
+        let [x, y] = self.gradient.vector[index].map(f32::from);
         x * self.normal[0] + y * self.normal[1]
     }
 
@@ -185,18 +187,18 @@ impl<'a> Scan<'a> {
         if peak < MIN_PEAK || before > peak || after > peak {
             return None;
         }
-        let [x, y] = [self.gradient.x[top], self.gradient.y[top]].map(f32::from);
+        let [x, y] = self.gradient.vector[top].map(f32::from);
         if peak * peak < MIN_COSINE * MIN_COSINE * (x * x + y * y) {
             return None;
         }
         let predicted = self.track.at(u as f64);
         let row = (predicted + 0.5) as usize + usize::from(top > middle) - usize::from(top < middle);
         let v = row as f64 + f64::from(top_of_parabola([before, peak, after]));
-        ((v - predicted).abs() <= self.reach_v).then(|| Sample {
-            u: u as f64,
-            v,
-            weight: weight(f64::from(peak)),
-        })
+        if (v - predicted).abs() > self.reach_v {
+            return None;
+        }
+        let sharpness = f64::from((2.0 * peak - before - after) / peak);
+        Some(Sample { u: u as f64, v, weight: weight(f64::from(peak)), sharpness })
     }
 }
 

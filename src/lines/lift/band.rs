@@ -13,11 +13,13 @@ const OUTER_PX: f64 = INNER_PX + ZONE_PX * ZONES as f64;
 /// Most cells along the edge.
 pub const MAX_BINS: usize = 12;
 /// Segments longer than this are read every other column, than twice this every third, px.
-const LONG_PX: f64 = 100.0;
+const LONG_PX: f64 = 200.0;
 /// Length of a cell, px, where the segment is short enough for it.
 const BIN_PX: f64 = 10.0;
 /// Readings a cell keeps for its median.
 const CELL_READINGS: usize = 12;
+/// More than one side of any segment gives: 200 columns of half 17 px, or as many of a longer segment's.
+const MAX_READINGS: usize = 2048;
 /// A cell with fewer readings has no value.
 const MIN_CELL_READINGS: usize = 3;
 
@@ -104,8 +106,13 @@ fn share_along(from: RayPoint, to: RayPoint, point: RayPoint) -> f64 {
     ((point.x - from.x) * dx + (point.y - from.y) * dy) / (dx * dx + dy * dy)
 }
 
+/// Pixels that each reading stands for.
+pub fn pixels_per_reading(length_px: f64) -> f64 {
+    2.0 * column_step(length_px) as f64
+}
+
 /// Every how many columns a segment of this length is read: neighbours are correlated, so that long segments lose little.
-pub fn column_step(length_px: f64) -> usize {
+fn column_step(length_px: f64) -> usize {
     1 + (length_px / LONG_PX) as usize
 }
 
@@ -123,7 +130,9 @@ pub fn read(bands: &mut [Band; 2], segment: &Segment, depth: &DepthView<'_>, cam
     let columns = first.min(last).ceil() as i64..=first.max(last).floor() as i64;
     for u in columns.step_by(column_step(frame.length_px)) {
         let middle = (frame.start[minor] + slope * (u as f64 - first) + 0.5).floor() as i64;
-        for v in middle - reach..=middle + reach {
+        // A chess board of pixels: direct neighbours say nearly the same.
+        let first_v = middle - reach + (u + middle - reach).rem_euclid(2);
+        for v in (first_v..=middle + reach).step_by(2) {
             let (x, y) = if along_x { (u, v) } else { (v, u) };
             let (s, across_px) = frame.locate(x as f64, y as f64);
             let inside = (0.0..=1.0).contains(&s) && (INNER_PX..OUTER_PX).contains(&across_px.abs());
@@ -140,6 +149,8 @@ impl Band {
     fn reset(&mut self, n_bins: usize) {
         self.n_bins = n_bins;
         self.readings.clear();
+        self.readings.reserve(MAX_READINGS);
+        self.cells.reserve(ZONES * MAX_BINS);
         self.builders.clear();
         self.builders.resize(ZONES * MAX_BINS, CellBuilder::default());
     }
@@ -148,11 +159,9 @@ impl Band {
         let bin = ((along * self.n_bins as f64) as usize).min(self.n_bins - 1);
         let zone = (((across_px.abs() - INNER_PX) / ZONE_PX) as usize).min(ZONES - 1);
         let cell = zone * MAX_BINS + bin;
-        // Every other reading is enough for a median, and reaches twice as far along the cell.
-        let is_odd = self.readings.len() % 2 == 1;
         self.readings.push(Reading { along, across_px, inverse_depth_per_m, cell: cell as u16 });
         let builder = &mut self.builders[cell];
-        if is_odd && builder.n < CELL_READINGS {
+        if builder.n < CELL_READINGS {
             builder.inverse_depths[builder.n] = inverse_depth_per_m;
             builder.n += 1;
             builder.along += along;

@@ -206,7 +206,8 @@ fn whitened_mean_square(length_px: f64, truth: impl Fn(f64) -> (f64, f64)) -> f6
 
 #[test]
 fn the_covariance_is_honest_for_markings_creases_and_steps() {
-    let surfaces: [(&str, fn(f64) -> (f64, f64)); 3] = [
+    type Surface = fn(f64) -> (f64, f64);
+    let surfaces: [(&str, Surface); 3] = [
         ("marking", |_| (0.5, 0.5)),
         ("crease", |t| (0.5 + 0.003 * t, 0.5 - 0.003 * t)),
         ("step", |t| (0.5, 0.8 + 0.0005 * t)),
