@@ -11,7 +11,7 @@ const FRAME_SETS: u64 = 10;
 const CONFIG: &str = "\
 cameras:
   backend: synthetic
-  synthetic: {rig: pair, yaw_deg: 15.0, baseline_m: 0.25, seed: 7, pace: unpaced}
+  synthetic: {rig: pair, yaw_deg: 15.0, baseline_m: 0.25, seed: 7, pace: unpaced, rate_hz: 2.0, view_step: 1.0}
 ";
 
 /// The folder of the recording; it lives as long as the tests.

@@ -210,7 +210,8 @@ impl Default for SyntheticSection {
             pace: Pace::RealTime,
             rate_hz: 30.0,
             frame_sets: None,
-            view_step: 1.0,
+            // Smooth at 30 frames per second.
+            view_step: 0.02,
             frames_per_view: 1,
             render_ahead: None,
         }
