@@ -1,9 +1,9 @@
 //! Evidence that cannot fix the rig gives a reason, never a pose called converged.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::poses::solved;
-use super::room::{Random, edges, frame_sets, room};
+use super::room::{Random, edges, frame_sets, frame_sets_along, room, world_from_rig};
 use crate::geometry::CameraView;
 use crate::geometry::motion::Motion;
 use crate::solver::{ReasonCode, State};
@@ -22,10 +22,13 @@ fn check_not_converged(sets: &[Vec<Option<CameraView>>], codes: &[ReasonCode]) {
 }
 
 #[test]
-fn parallel_edges_fix_no_pose() {
+fn parallel_edges_fix_no_pose_while_the_rig_does_not_turn() {
     let mut random = Random::named("parallel");
     let room = edges(&mut random, 50, |_, _| Vector3::new(0.3, 1.0, 0.2));
-    let sets = frame_sets(&mut random, &room, &pair(), 12);
+    let path: Vec<Motion> = (0..12)
+        .map(|_| Motion::from_parts(world_from_rig(&mut random).translation, UnitQuaternion::identity()))
+        .collect();
+    let sets = frame_sets_along(&mut random, &room, &pair(), &path);
     check_not_converged(
         &sets,
         &[ReasonCode::AxisUnobservable, ReasonCode::RunnerUpTooClose, ReasonCode::NotEnoughEvidence],

@@ -14,7 +14,7 @@ fn error2_in_sigmas(name: &str) -> f64 {
     let mut random = Random::named(name);
     let room = room(&mut random, 40);
     let truth = Motion::new(Vector3::new(0.3, 0.0, 0.05), Vector3::new(0.05, 0.9, 0.0));
-    let sets = frame_sets(&mut random, &room, &[Motion::identity(), truth], 8);
+    let sets = frame_sets(&mut random, &room, &[Motion::identity(), truth], 16);
     let mut estimator = RigEstimator::new(vec![camera(); 2], EstimateOptions::default());
     sets.iter().for_each(|set| {
         estimator.add(set);

@@ -82,7 +82,8 @@ pub fn edges(
     (0..n_edges)
         .map(|k| {
             let middle = Point3::from(random.vector() * 2.0);
-            let half = direction(random, k).normalize() * (0.8 + 0.6 * random.signed());
+            // Long enough to run through cameras that look away from each other.
+            let half = direction(random, k).normalize() * (3.0 + 1.5 * random.signed());
             [middle - half, middle + half]
         })
         .collect()
@@ -153,12 +154,21 @@ pub fn frame_sets(
     reference_from_camera: &[Motion],
     n_sets: usize,
 ) -> Vec<Vec<Option<CameraView>>> {
-    (0..n_sets)
-        .map(|_| {
-            let world_from_rig = world_from_rig(random);
-            let views =
-                reference_from_camera.iter().map(|pose| Some(view(random, room, &(world_from_rig * pose))));
-            views.collect()
-        })
-        .collect()
+    let path: Vec<Motion> = (0..n_sets).map(|_| world_from_rig(random)).collect();
+    frame_sets_along(random, room, reference_from_camera, &path)
+}
+
+/// Frame sets of a rig at the given places, `world_from_rig`.
+pub fn frame_sets_along(
+    random: &mut Random,
+    room: &Room,
+    reference_from_camera: &[Motion],
+    path: &[Motion],
+) -> Vec<Vec<Option<CameraView>>> {
+    let set = |world_from_rig: &Motion| {
+        let views =
+            reference_from_camera.iter().map(|pose| Some(view(random, room, &(world_from_rig * pose))));
+        views.collect()
+    };
+    path.iter().map(set).collect()
 }
