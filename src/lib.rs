@@ -5,9 +5,11 @@
 //! [`pipeline`] runs the threads, [`ipc`] shows the result to other processes, [`service`] is the daemon, [`cli`] the client.
 
 pub mod capture;
+pub mod cli;
 pub mod geometry;
 pub mod image;
 pub mod ipc;
 pub mod lines;
 pub mod pipeline;
+pub mod service;
 pub mod solver;

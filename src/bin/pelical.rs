@@ -1,2 +1,24 @@
 //! The client: see `pelical --help`.
-fn main() {}
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use pelical::cli::args::{ClientArgs, Command};
+use pelical::cli::exit::Exit;
+use pelical::{cli, service};
+
+fn main() -> ExitCode {
+    let args = ClientArgs::parse();
+    let exit = match &args.command {
+        // The demo runs this program once more as its daemon.
+        Command::DemoDaemon => match service::start_demo(args.instance) {
+            Ok(()) => Exit::Done,
+            Err(error) => {
+                eprintln!("pelical: {error}");
+                Exit::from(&error)
+            }
+        },
+        command => cli::run(&args.instance, command),
+    };
+    exit.into()
+}

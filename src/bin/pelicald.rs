@@ -1,2 +1,20 @@
 //! The daemon: see `pelicald --help`.
-fn main() {}
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use pelical::cli::args::DaemonArgs;
+use pelical::cli::exit::Exit;
+use pelical::service;
+
+fn main() -> ExitCode {
+    let args = DaemonArgs::parse();
+    let ended = if args.check_config { service::check(&args.config) } else { service::start(&args.config) };
+    match ended {
+        Ok(()) => Exit::Done.into(),
+        Err(error) => {
+            eprintln!("pelicald: {error}");
+            Exit::from(&error).into()
+        }
+    }
+}

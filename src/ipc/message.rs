@@ -130,18 +130,21 @@ pub enum CameraState {
     Stalled,
     /// Not connected; it is taken back when it returns.
     Unplugged,
-    /// Given up after repeated errors.
+    /// Gives errors instead of frames; it is taken back when it recovers.
     Failed,
+    /// A recording that is at its end.
+    Ended,
 }
 
 impl CameraState {
     /// Every state, in the order of the wire format.
-    pub const ALL: [CameraState; 5] = [
+    pub const ALL: [CameraState; 6] = [
         CameraState::Waiting,
         CameraState::Streaming,
         CameraState::Stalled,
         CameraState::Unplugged,
         CameraState::Failed,
+        CameraState::Ended,
     ];
 
     /// The name in output.
@@ -152,6 +155,7 @@ impl CameraState {
             CameraState::Stalled => "stalled",
             CameraState::Unplugged => "unplugged",
             CameraState::Failed => "failed",
+            CameraState::Ended => "ended",
         }
     }
 }

@@ -116,6 +116,8 @@ pub struct CameraSnapshot {
     pub frames: u64,
     /// Of these, dropped because sync did not fetch them in time.
     pub dropped: u64,
+    /// Since the last frame; `None` before the first.
+    pub last_frame_age: Option<Duration>,
 }
 
 /// The pipeline at one moment.
@@ -210,6 +212,8 @@ impl Pipeline {
             state: camera.state(),
             frames: camera.frames.get(),
             dropped: camera.dropped.get(),
+            last_frame_age: (camera.frames.get() > 0)
+                .then(|| self.shared.since_start().saturating_sub(camera.last_frame())),
         });
         Snapshot {
             cameras: cameras.collect(),

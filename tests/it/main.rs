@@ -7,6 +7,10 @@
 )]
 
 mod bad_recording;
+mod cli;
+mod config;
+mod daemon;
+mod env;
 mod fixture;
 mod frame_source;
 mod ipc;
@@ -14,4 +18,5 @@ mod packaging;
 mod pipeline;
 mod replay;
 mod scripted;
+mod synthetic_pair;
 mod writer;

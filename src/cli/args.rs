@@ -1,0 +1,177 @@
+//! The command lines of both programs. Flags are not config: they say what to do, the config file says how.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::ipc::InstanceName;
+
+/// Calibrates the cameras of a robot against each other while it runs, and publishes the result over shared memory.
+#[derive(Debug, Parser)]
+#[command(name = "pelicald", version)]
+pub struct DaemonArgs {
+    /// Config file (YAML).
+    #[arg(long, value_name = "FILE")]
+    pub config: PathBuf,
+    /// Check the config file, print the effective values and exit.
+    #[arg(long)]
+    pub check_config: bool,
+}
+
+/// Extrinsics of RGB-D cameras from straight edges, without a target.
+#[derive(Debug, Parser)]
+#[command(name = "pelical", version)]
+pub struct ClientArgs {
+    /// Name of the daemon to talk to.
+    #[arg(long, global = true, default_value_t, value_name = "NAME")]
+    pub instance: InstanceName,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What the client can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a synthetic three-camera rig through daemon and client, and print the result against its truth.
+    Demo(Output),
+    /// Calibrate from a recording, without a daemon.
+    Calibrate(CalibrateArgs),
+    /// Calibrate every recording below that has ground_truth.yaml, and print the errors.
+    Evaluate(EvaluateArgs),
+    /// Print what the daemon is doing.
+    Status(Output),
+    /// Print every result and the progress of the daemon until stopped.
+    Watch(Output),
+    /// Ask the daemon to forget its evidence and calibrate again.
+    Recalibrate(RecalibrateArgs),
+    /// Ask the daemon to stop collecting evidence.
+    Cancel(Output),
+    /// Write a recording from the cameras of a config file.
+    Record(RecordArgs),
+    /// List the cameras of a config file's back end.
+    Devices(DevicesArgs),
+    /// The daemon of the demo, in a process of its own.
+    #[command(hide = true)]
+    DemoDaemon,
+}
+
+/// Form of the answer.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct Output {
+    /// Print one JSON document on stdout instead of text.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `calibrate`.
+#[derive(Debug, Args)]
+pub struct CalibrateArgs {
+    /// Folder with recording.yaml.
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// Config file whose sections `sync`, `lines` and `estimate` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// `evaluate`.
+#[derive(Debug, Args)]
+pub struct EvaluateArgs {
+    /// Folders that are searched for recordings.
+    #[arg(required = true, value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+    /// Config file whose sections `sync`, `lines` and `estimate` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// `recalibrate`.
+#[derive(Debug, Args)]
+pub struct RecalibrateArgs {
+    /// Wait for the verdict.
+    #[arg(long)]
+    pub wait: bool,
+    /// Longest time to wait, s.
+    #[arg(long, value_name = "SECONDS", default_value = "120", requires = "wait", value_parser = duration_s)]
+    pub timeout: std::time::Duration,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// `record`.
+#[derive(Debug, Args)]
+pub struct RecordArgs {
+    /// Folder to write; must not exist, or be empty.
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+    /// Config file whose section `cameras` is used.
+    #[arg(long, value_name = "FILE")]
+    pub config: PathBuf,
+    /// Frame sets to write.
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..))]
+    pub sets: Option<u64>,
+    /// Longest time to record, s.
+    #[arg(long, value_name = "SECONDS", value_parser = duration_s)]
+    pub duration: Option<std::time::Duration>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+fn duration_s(text: &str) -> Result<std::time::Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("{text:?} is not a number of seconds"))?;
+    if (0.001..=86_400.0).contains(&seconds) {
+        return Ok(std::time::Duration::from_secs_f64(seconds));
+    }
+    Err(format!("{text} s is out of range: allowed is 0.001 to 86400"))
+}
+
+/// `devices`.
+#[derive(Debug, Args)]
+pub struct DevicesArgs {
+    /// Config file whose section `cameras` is used; without it, the defaults.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory, Parser};
+
+    use super::{ClientArgs, DaemonArgs};
+
+    #[test]
+    fn both_command_lines_are_consistent() {
+        ClientArgs::command().debug_assert();
+        DaemonArgs::command().debug_assert();
+    }
+
+    #[test]
+    fn values_that_cannot_be_meant_are_refused() {
+        for line in [
+            vec!["pelical", "--instance", "a b", "status"],
+            vec!["pelical", "evaluate"],
+            vec!["pelical", "record", "x", "--config", "c", "--sets", "0"],
+            vec!["pelical", "record", "x", "--config", "c", "--duration", "nan"],
+        ] {
+            assert!(ClientArgs::try_parse_from(&line).is_err(), "{line:?}");
+        }
+    }
+
+    #[test]
+    fn the_instance_may_stand_behind_the_command() {
+        let args = ClientArgs::try_parse_from(["pelical", "status", "--instance", "rig2"]).expect("valid");
+        assert_eq!(args.instance.as_str(), "rig2");
+    }
+}

@@ -1,0 +1,94 @@
+//! `pelical calibrate`: one recording through the offline pipeline. The estimator never sees the ground truth.
+
+use std::path::Path;
+
+use super::args::CalibrateArgs;
+use super::error::CliError;
+use super::exit::Exit;
+use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::{output, progress};
+use crate::capture::recording::Recording;
+use crate::capture::{CaptureError, RgbdFrame};
+use crate::geometry::Camera;
+use crate::ipc::CameraIdentity;
+use crate::pipeline::PipelineOptions;
+use crate::pipeline::offline::{self, FrameSetReader, OfflineProgress, OfflineRun};
+use crate::service::config;
+
+/// Calibrates and prints the result.
+///
+/// # Errors
+/// When the config or the recording is not usable.
+pub fn run(args: &CalibrateArgs) -> Result<Exit, CliError> {
+    let options = config::load_or_default(args.config.as_deref())?.pipeline;
+    let document = calibrate(&args.recording, &options)?;
+    if args.output.json {
+        output::print_json(&document)?;
+    } else {
+        output::print_text(&output::text::calibration(&document))?;
+    }
+    Ok(if document.is_converged() { Exit::Done } else { Exit::NoResult })
+}
+
+/// Calibrates from one recording; with truth when it lies beside.
+///
+/// # Errors
+/// When the recording or its ground truth is not usable.
+pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<CalibrationDocument, CliError> {
+    let recording = Recording::open(folder)?;
+    let truth = recording.ground_truth()?;
+    let run = run_offline(&recording, options)?;
+    let cameras: Vec<CameraIdentity> = recording
+        .cameras()
+        .iter()
+        .map(|info| CameraIdentity { name: info.name.clone(), serial: info.serial.clone() })
+        .collect();
+    let counts = run.frame_sets;
+    let time = run.timing_ms;
+    Ok(CalibrationDocument::new(&Findings {
+        cameras: &cameras,
+        calibration: &run.calibration,
+        frame_sets: FrameSets {
+            seen: counts.seen as u64,
+            used: counts.used as u64,
+            refused: counts.refused as u64,
+        },
+        timing_ms: TimingMs {
+            detect: Some(time.detect),
+            lift: Some(time.lift),
+            associate: Some(time.associate),
+            estimate: Some(time.estimate),
+            total: Some(time.total),
+        },
+        truth: truth.as_ref().map(|truth| truth.reference_from_camera.as_slice()),
+    }))
+}
+
+fn run_offline(recording: &Recording, options: &PipelineOptions) -> Result<OfflineRun, CliError> {
+    let cameras: Vec<Camera> = recording.cameras().iter().map(|info| info.camera).collect();
+    let bar = progress::bar(Some(recording.frame_sets().len() as u64), "frame sets");
+    let mut sets = RecordedSets { recording, next: 0 };
+    let run = offline::run_offline(&mut sets, &cameras, options, &mut |progress| match progress {
+        OfflineProgress::Set(counts) => bar.set_position(counts.seen as u64),
+        OfflineProgress::Solving => bar.set_message("solving"),
+    });
+    bar.finish_and_clear();
+    Ok(run?)
+}
+
+/// The frame sets of a recording in their order.
+struct RecordedSets<'a> {
+    recording: &'a Recording,
+    next: usize,
+}
+
+impl FrameSetReader for RecordedSets<'_> {
+    fn next_set(&mut self, frames: &mut [RgbdFrame]) -> Result<bool, CaptureError> {
+        let Some(stamps) = self.recording.frame_sets().get(self.next) else { return Ok(false) };
+        self.next += 1;
+        for (camera_idx, (stamp, frame)) in stamps.iter().zip(frames).enumerate() {
+            self.recording.read_frame(camera_idx, *stamp, frame)?;
+        }
+        Ok(true)
+    }
+}

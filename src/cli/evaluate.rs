@@ -1,0 +1,90 @@
+//! `pelical evaluate`: every recording with ground truth below some folders; says how many converged, and how many of these
+//! are wrong.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::args::EvaluateArgs;
+use super::calibrate::calibrate;
+use super::error::CliError;
+use super::exit::Exit;
+use super::output;
+use super::output::document::{EvaluatedRecording, EvaluationDocument};
+use crate::capture::recording::{GROUND_TRUTH_FILE, RECORDING_FILE};
+use crate::service::config;
+
+/// A converged result further from the truth than this is wrong, deg.
+const WRONG_BEYOND_DEG: f64 = 0.5;
+/// See [`WRONG_BEYOND_DEG`]; mm.
+const WRONG_BEYOND_MM: f64 = 15.0;
+
+/// Calibrates from every recording and prints the errors. A recording that cannot be read does not stop the others.
+///
+/// # Errors
+/// When the config or a folder is not usable, or when there is no recording.
+pub fn run(args: &EvaluateArgs) -> Result<Exit, CliError> {
+    let options = config::load_or_default(args.config.as_deref())?.pipeline;
+    let mut folders = Vec::new();
+    for folder in &args.folders {
+        let failed = CliError::system(format!("cannot search {}", folder.display()));
+        find_recordings(folder, &mut folders).map_err(failed)?;
+    }
+    folders.sort();
+    folders.dedup();
+    if folders.is_empty() {
+        let what = format!("no folder below holds {RECORDING_FILE} and {GROUND_TRUTH_FILE}");
+        return Err(CliError::BadInput(what));
+    }
+    let (mut recordings, mut bad) = (Vec::new(), 0);
+    for (index, folder) in folders.iter().enumerate() {
+        eprintln!("{} of {}: {}", index + 1, folders.len(), folder.display());
+        match calibrate(folder, &options) {
+            Ok(calibration) => {
+                recordings.push(EvaluatedRecording { path: folder.display().to_string(), calibration });
+            }
+            Err(error) => {
+                eprintln!("pelical: {error}");
+                bad += 1;
+            }
+        }
+    }
+    let document = evaluation(recordings);
+    if args.output.json {
+        output::print_json(&document)?;
+    } else {
+        output::print_text(&output::text::evaluation(&document))?;
+    }
+    if bad > 0 {
+        return Err(CliError::BadInput(format!("{bad} of {} recordings could not be read", folders.len())));
+    }
+    Ok(if document.wrong == 0 { Exit::Done } else { Exit::Failed })
+}
+
+fn evaluation(recordings: Vec<EvaluatedRecording>) -> EvaluationDocument {
+    let is_wrong =
+        |recording: &&EvaluatedRecording| recording.calibration.is_wrong(WRONG_BEYOND_DEG, WRONG_BEYOND_MM);
+    EvaluationDocument {
+        schema: "pelical.evaluation/1",
+        converged: recordings.iter().filter(|recording| recording.calibration.is_converged()).count(),
+        wrong: recordings.iter().filter(is_wrong).count(),
+        recordings,
+    }
+}
+
+/// Folders with a recording and its truth, at any depth. What lies inside a recording is not searched; links are not followed,
+/// so that a loop of links cannot catch the search.
+fn find_recordings(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
+    if folder.join(RECORDING_FILE).is_file() {
+        if folder.join(GROUND_TRUTH_FILE).is_file() {
+            found.push(folder.to_owned());
+        }
+        return Ok(());
+    }
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            find_recordings(&entry.path(), found)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,65 @@
+//! Exit codes of both programs; a contract with scripts.
+
+use std::process::ExitCode;
+
+use crate::capture::CaptureError;
+use crate::service::ServiceError;
+use crate::service::config::RigError;
+
+/// How a program ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// It did what was asked.
+    Done = 0,
+    /// It did not.
+    Failed = 1,
+    /// The command line is wrong.
+    Usage = 2,
+    /// There is no daemon under this instance name.
+    NotReachable = 3,
+    /// There is no converged result.
+    NoResult = 4,
+    /// The input data is not what its layout promises.
+    BadData = 65,
+    /// The config file is wrong.
+    BadConfig = 78,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        ExitCode::from(exit as u8)
+    }
+}
+
+impl From<&CaptureError> for Exit {
+    fn from(error: &CaptureError) -> Self {
+        match error {
+            CaptureError::BadData { .. } => Exit::BadData,
+            _ => Exit::Failed,
+        }
+    }
+}
+
+impl From<&RigError> for Exit {
+    fn from(error: &RigError) -> Self {
+        match error {
+            RigError::Capture(error) => Exit::from(error),
+            RigError::NoCamera { .. } => Exit::Failed,
+            RigError::Reference { .. } => Exit::BadConfig,
+        }
+    }
+}
+
+impl From<&ServiceError> for Exit {
+    fn from(error: &ServiceError) -> Self {
+        match error {
+            ServiceError::Config(_) => Exit::BadConfig,
+            ServiceError::Rig(error) => Exit::from(error),
+            ServiceError::Server(_)
+            | ServiceError::Start(_)
+            | ServiceError::System { .. }
+            | ServiceError::Bug { .. } => Exit::Failed,
+        }
+    }
+}

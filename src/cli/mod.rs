@@ -1,0 +1,48 @@
+//! The client's commands: each does one thing, prints one document, and ends with one exit code.
+
+pub mod args;
+mod calibrate;
+mod demo;
+mod devices;
+mod error;
+mod evaluate;
+pub mod exit;
+mod interrupt;
+mod online;
+mod output;
+mod progress;
+mod record;
+mod watch;
+
+use args::Command;
+use error::CliError;
+use exit::Exit;
+
+use crate::ipc::InstanceName;
+
+/// Runs a command to its end; what went wrong is said on stderr.
+pub fn run(instance: &InstanceName, command: &Command) -> Exit {
+    match dispatch(instance, command) {
+        Ok(exit) => exit,
+        Err(error) => {
+            eprintln!("pelical: {error}");
+            error.exit()
+        }
+    }
+}
+
+fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError> {
+    match command {
+        Command::Calibrate(args) => calibrate::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
+        Command::Record(args) => record::run(args).map(|()| Exit::Done),
+        Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
+        Command::Status(output) => online::status(instance, *output),
+        Command::Watch(output) => watch::run(instance, *output),
+        Command::Recalibrate(args) => online::recalibrate(instance, args),
+        Command::Cancel(output) => online::cancel(instance, *output),
+        Command::Demo(output) => demo::run(*output),
+        // Belongs to the program, not to the client: see src/bin/pelical.rs.
+        Command::DemoDaemon => Err(CliError::Failed("this is no command of the client".to_owned())),
+    }
+}

@@ -1,0 +1,176 @@
+//! `pelical status, recalibrate, cancel`: one question to a running daemon, one answer.
+
+use std::time::{Duration, Instant};
+
+use super::args::{Output, RecalibrateArgs};
+use super::error::CliError;
+use super::exit::Exit;
+use super::interrupt::Interrupt;
+use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::output::status::{AnswerDocument, StatusDocument};
+use super::{output, progress};
+use crate::geometry::motion::Motion;
+use crate::ipc::{Activity, CalibrationMessage, Client, InstanceName, Outcome, ProgressMessage, Response};
+use crate::solver::State;
+
+/// A daemon answers within milliseconds; one that is swapping or stopped gets this long.
+pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+/// How often a waiting client looks at signals and the daemon's state.
+pub const GLANCE: Duration = Duration::from_millis(250);
+
+/// Prints what the daemon is doing; any answer is a success.
+///
+/// # Errors
+/// When there is no daemon, or it does not answer.
+pub fn status(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
+    let mut client = Client::connect(instance)?;
+    let response = client.status(ANSWER_WITHIN)?;
+    let health = client.latest_health()?.cloned();
+    let document = StatusDocument::new(instance, &response.snapshot, health.as_ref());
+    if output.json {
+        output::print_json(&document)?;
+    } else {
+        output::print_text(&output::status::text(&document))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Asks the daemon to stop collecting.
+///
+/// # Errors
+/// As [`status`].
+pub fn cancel(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
+    let response = Client::connect(instance)?.cancel(ANSWER_WITHIN)?;
+    print_answer(&response, output)
+}
+
+/// Asks the daemon to calibrate again; waits for the verdict if told to.
+///
+/// # Errors
+/// As [`status`].
+pub fn recalibrate(instance: &InstanceName, args: &RecalibrateArgs) -> Result<Exit, CliError> {
+    let mut client = Client::connect(instance)?;
+    let response = client.recalibrate(ANSWER_WITHIN)?;
+    if !args.wait || response.outcome != Outcome::Accepted {
+        return print_answer(&response, args.output);
+    }
+    let wanted = Wanted { after_sequence: response.snapshot.calibration_sequence, within: args.timeout };
+    let verdict = await_verdict(&mut client, &wanted)?;
+    verdict.print(None, args.output)
+}
+
+/// Accepted is done; busy and refused are failures with a sentence.
+fn print_answer(response: &Response, output: Output) -> Result<Exit, CliError> {
+    let document = AnswerDocument::from(&response.outcome);
+    if output.json {
+        output::print_json(&document)?;
+    }
+    if response.outcome == Outcome::Accepted {
+        if !output.json {
+            output::print_text("accepted\n")?;
+        }
+        return Ok(Exit::Done);
+    }
+    eprintln!(
+        "pelical: {}: {}",
+        document.answer,
+        document.reason.map_or(String::new(), |reason| reason.sentence)
+    );
+    Ok(Exit::Failed)
+}
+
+/// Which result is waited for.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    /// Results up to this one are old.
+    pub after_sequence: u64,
+    /// How long at most.
+    pub within: Duration,
+}
+
+/// What the daemon had found when the wait ended.
+#[derive(Debug)]
+pub struct Verdict {
+    newest: Option<CalibrationMessage>,
+    progress: Option<ProgressMessage>,
+    waited: Duration,
+}
+
+/// Waits until the daemon converges, stops collecting, or the time is up; Ctrl-C ends the wait as well.
+///
+/// # Errors
+/// When the daemon ends meanwhile.
+pub fn await_verdict(client: &mut Client, wanted: &Wanted) -> Result<Verdict, CliError> {
+    let interrupt = Interrupt::register()?;
+    let start = Instant::now();
+    let bar = progress::spinner("waiting for frames");
+    let mut verdict = Verdict { newest: None, progress: None, waited: Duration::ZERO };
+    while !verdict.is_converged() && start.elapsed() < wanted.within && !interrupt.is_set() {
+        if let Some(progress) = newest_progress(client)? {
+            bar.set_message(output::status::progress_line(&progress));
+            verdict.progress = Some(progress);
+        }
+        let is_new = |message: &CalibrationMessage| message.sequence > wanted.after_sequence;
+        match client.wait_calibration(GLANCE)?.filter(is_new) {
+            Some(message) => verdict.newest = Some(message),
+            None if is_given_up(client)? => break,
+            None => {}
+        }
+    }
+    bar.finish_and_clear();
+    verdict.waited = start.elapsed();
+    Ok(verdict)
+}
+
+/// Whether the daemon has stopped collecting without a result.
+fn is_given_up(client: &mut Client) -> Result<bool, CliError> {
+    Ok(client.status(ANSWER_WITHIN)?.snapshot.activity == Activity::Idle)
+}
+
+fn newest_progress(client: &mut Client) -> Result<Option<ProgressMessage>, CliError> {
+    let mut newest = None;
+    while let Some(progress) = client.next_progress(Duration::ZERO)? {
+        newest = Some(progress);
+    }
+    Ok(newest)
+}
+
+impl Verdict {
+    /// Whether the newest result passed every test.
+    pub fn is_converged(&self) -> bool {
+        self.newest.as_ref().is_some_and(|message| message.calibration.state == State::Converged)
+    }
+
+    /// Prints the result, against the truth where it is known.
+    ///
+    /// # Errors
+    /// When stdout cannot be written, or there is no result at all.
+    pub fn print(&self, truth: Option<&[Motion]>, output: Output) -> Result<Exit, CliError> {
+        let Some(message) = &self.newest else {
+            eprintln!(
+                "pelical: no result within {:.0} s: let the cameras see more edges, or wait longer",
+                self.waited.as_secs_f64()
+            );
+            return Ok(Exit::NoResult);
+        };
+        let counts = self.progress.as_ref().map(|progress| progress.frame_sets).unwrap_or_default();
+        let document = CalibrationDocument::new(&Findings {
+            cameras: &message.cameras,
+            calibration: &message.calibration,
+            frame_sets: FrameSets {
+                seen: counts.seen,
+                used: message.calibration.frame_sets_used as u64,
+                refused: counts.refused,
+            },
+            // A live daemon measures per frame, not per run.
+            timing_ms: TimingMs { total: Some(self.waited.as_secs_f64() * 1e3), ..TimingMs::default() },
+            truth,
+        });
+        if output.json {
+            output::print_json(&document)?;
+        } else {
+            output::print_text(&output::text::calibration(&document))?;
+        }
+        Ok(if document.is_converged() { Exit::Done } else { Exit::NoResult })
+    }
+}

@@ -1,0 +1,175 @@
+//! What the daemon is doing: documents and text of `status`, `watch`, and of answers to requests.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use super::document::ReasonEntry;
+use super::text::table;
+use crate::ipc::{
+    CameraHealth, HealthMessage, InstanceName, Outcome, ProgressMessage, Snapshot, StageLatency,
+};
+
+/// `pelical.status/1`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StatusDocument {
+    /// Name and version of this layout.
+    pub schema: &'static str,
+    /// Name of the daemon.
+    pub instance: String,
+    /// What it does: starting, collecting, watching, idle or stopping.
+    pub activity: &'static str,
+    /// The newest verdict.
+    pub state: &'static str,
+    /// Why that is not converged.
+    pub reason: Option<ReasonEntry>,
+    /// Number of the newest calibration; 0 before the first.
+    pub calibration_sequence: u64,
+    /// Since the daemon started.
+    pub uptime_s: f64,
+    /// Frame sets taken as evidence.
+    pub frame_sets_used: u64,
+    /// How the cameras are; empty before the daemon's first word about them.
+    pub cameras: Vec<CameraStatus>,
+    /// How long the stages take.
+    pub stages: Vec<StageStatus>,
+}
+
+/// How one camera is.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CameraStatus {
+    /// Name in the rig.
+    pub name: String,
+    /// waiting, streaming, stalled, unplugged, failed or ended.
+    pub state: &'static str,
+    /// Frames it delivered.
+    pub frames: u64,
+    /// Frames that were dropped.
+    pub dropped: u64,
+    /// Since its last frame; null before the first.
+    pub last_frame_age_ms: Option<f64>,
+    /// Frames per second.
+    pub fps_hz: f64,
+}
+
+/// How long one stage takes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StageStatus {
+    /// Name.
+    pub stage: String,
+    /// Median.
+    pub p50_ms: f64,
+    /// 99 of 100 are not longer.
+    pub p99_ms: f64,
+}
+
+/// `pelical.answer/1`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AnswerDocument {
+    /// Name and version of this layout.
+    pub schema: &'static str,
+    /// accepted, busy or refused.
+    pub answer: &'static str,
+    /// Why, unless accepted.
+    pub reason: Option<ReasonEntry>,
+}
+
+impl StatusDocument {
+    /// The document of a daemon's answer and its newest word about its health.
+    pub fn new(instance: &InstanceName, snapshot: &Snapshot, health: Option<&HealthMessage>) -> Self {
+        Self {
+            schema: "pelical.status/1",
+            instance: instance.to_string(),
+            activity: snapshot.activity.name(),
+            state: snapshot.state.name(),
+            reason: snapshot.reason.as_ref().map(ReasonEntry::from),
+            calibration_sequence: snapshot.calibration_sequence,
+            uptime_s: snapshot.uptime_ns as f64 * 1e-9,
+            frame_sets_used: snapshot.frame_sets_used,
+            cameras: health.iter().flat_map(|health| &health.cameras).map(CameraStatus::from).collect(),
+            stages: health.iter().flat_map(|health| &health.stages).map(StageStatus::from).collect(),
+        }
+    }
+}
+
+impl From<&CameraHealth> for CameraStatus {
+    fn from(camera: &CameraHealth) -> Self {
+        Self {
+            name: camera.name.clone(),
+            state: camera.state.name(),
+            frames: camera.frames,
+            dropped: camera.dropped,
+            last_frame_age_ms: camera.last_frame_age_ns.map(|age_ns| age_ns as f64 * 1e-6),
+            fps_hz: camera.fps_hz,
+        }
+    }
+}
+
+impl From<&StageLatency> for StageStatus {
+    fn from(stage: &StageLatency) -> Self {
+        let ms = |ns: u64| ns as f64 * 1e-6;
+        Self { stage: stage.stage.clone(), p50_ms: ms(stage.p50_ns), p99_ms: ms(stage.p99_ns) }
+    }
+}
+
+impl From<&Outcome> for AnswerDocument {
+    fn from(outcome: &Outcome) -> Self {
+        let (answer, reason) = match outcome {
+            Outcome::Accepted => ("accepted", None),
+            Outcome::Busy => {
+                let sentence =
+                    "a calibration runs already: cancel it first, or wait for its result".to_owned();
+                ("busy", Some(ReasonEntry { code: "busy", sentence }))
+            }
+            Outcome::Refused { code, sentence } => {
+                ("refused", Some(ReasonEntry { code: code.name(), sentence: sentence.clone() }))
+            }
+        };
+        Self { schema: "pelical.answer/1", answer, reason }
+    }
+}
+
+/// A status as text, ending with a line break.
+pub fn text(status: &StatusDocument) -> String {
+    let mut text = format!(
+        "instance    {}\nactivity    {}\nstate       {}\n",
+        status.instance, status.activity, status.state
+    );
+    if let Some(reason) = &status.reason {
+        let _ = writeln!(text, "reason      {} ({})", reason.sentence, reason.code);
+    }
+    let _ = writeln!(text, "frame sets  {} used", status.frame_sets_used);
+    let _ = writeln!(text, "results     {}", status.calibration_sequence);
+    let _ = writeln!(text, "up for      {:.0} s", status.uptime_s);
+    if !status.cameras.is_empty() {
+        let rows = status.cameras.iter().map(|camera| {
+            let age = camera.last_frame_age_ms.map_or_else(|| "-".to_owned(), |age| format!("{age:.0}"));
+            let counts = [camera.frames, camera.dropped].map(|count| count.to_string());
+            let rate = format!("{:.1}", camera.fps_hz);
+            [vec![camera.name.clone(), camera.state.to_owned(), rate], counts.to_vec(), vec![age]].concat()
+        });
+        let header = ["camera", "state", "frames/s", "frames", "dropped", "last frame ms ago"];
+        text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
+    }
+    if !status.stages.is_empty() {
+        let rows = status.stages.iter().map(|stage| {
+            vec![stage.stage.clone(), format!("{:.2}", stage.p50_ms), format!("{:.2}", stage.p99_ms)]
+        });
+        text += &format!("\n{}", table(&["stage", "median ms", "p99 ms"], &rows.collect::<Vec<_>>()));
+    }
+    text
+}
+
+/// How collecting goes, in one line.
+pub fn progress_line(progress: &ProgressMessage) -> String {
+    let sets = progress.frame_sets;
+    let lines: Vec<String> = progress.cameras.iter().map(|camera| camera.lines.to_string()).collect();
+    let best = progress.best_pair.map_or_else(String::new, |pair| format!(", {} matches", pair.matches));
+    format!(
+        "{}: {} frame sets, {} used, lines {}{best}",
+        progress.state.name(),
+        sets.seen,
+        sets.used,
+        lines.join("/")
+    )
+}

@@ -1,0 +1,157 @@
+//! The documents: keys as the contract has them, units, truth in the frame of the reference.
+
+use nalgebra::{Matrix6, Vector3};
+use serde_json::{Value, json};
+
+use super::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::text;
+use crate::geometry::motion::Motion;
+use crate::ipc::CameraIdentity;
+use crate::solver::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
+
+fn identity(name: &str) -> CameraIdentity {
+    CameraIdentity { name: name.into(), serial: format!("s-{name}") }
+}
+
+fn pair(matches: usize) -> PairEstimate {
+    PairEstimate {
+        target: 0,
+        source: 1,
+        state: State::Converged,
+        reason: None,
+        target_from_source: None,
+        matches,
+        full: matches,
+        pnl: 0,
+        residual_px: if matches > 0 { 0.6 } else { f64::NAN },
+        residual_m: if matches > 0 { 0.0041 } else { f64::NAN },
+    }
+}
+
+fn converged(reference_from_camera: Motion) -> RigCalibration {
+    let covariance = Matrix6::from_diagonal_element(4e-6);
+    let origin = CameraPose { reference_from_camera: Motion::identity(), covariance: Matrix6::zeros() };
+    RigCalibration {
+        state: State::Converged,
+        reason: None,
+        reference: 0,
+        cameras: vec![Some(origin), Some(CameraPose { reference_from_camera, covariance })],
+        pairs: vec![pair(73)],
+        frame_sets_used: 12,
+    }
+}
+
+fn document(calibration: &RigCalibration, truth: Option<&[Motion]>) -> CalibrationDocument {
+    CalibrationDocument::new(&Findings {
+        cameras: &[identity("left"), identity("right")],
+        calibration,
+        frame_sets: FrameSets { seen: 12, used: 12, refused: 0 },
+        timing_ms: TimingMs { total: Some(5.0), ..TimingMs::default() },
+        truth,
+    })
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().expect("an object").keys().map(String::as_str).collect()
+}
+
+#[test]
+fn the_keys_are_those_of_the_contract() {
+    let place = Motion::translation(0.2, 0.0, 0.0);
+    let truth = [Motion::identity(), place];
+    let json = serde_json::to_value(document(&converged(place), Some(&truth))).expect("serialisable");
+    let mut expected = vec![
+        "schema",
+        "state",
+        "reason",
+        "reference",
+        "cameras",
+        "pairs",
+        "frame_sets",
+        "timing_ms",
+        "truth",
+    ];
+    expected.sort_unstable();
+    assert_eq!(keys(&json), expected);
+    assert_eq!(json["schema"], "pelical.calibration/1");
+    assert_eq!(json["reference"], "left");
+    assert_eq!(json["reason"], Value::Null);
+    let camera = &json["cameras"][0];
+    assert_eq!(
+        keys(camera),
+        ["covariance", "name", "reference_from_camera", "serial", "sigma_deg", "sigma_mm"]
+    );
+    assert_eq!(
+        camera["reference_from_camera"],
+        json!({"translation_m": [0.2, 0.0, 0.0], "rotation_xyzw": [0.0, 0.0, 0.0, 1.0]})
+    );
+    assert_eq!(
+        keys(&json["pairs"][0]),
+        ["full", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
+    );
+    assert_eq!(keys(&json["frame_sets"]), ["refused", "seen", "used"]);
+    assert_eq!(keys(&json["timing_ms"]), ["associate", "detect", "estimate", "lift", "total"]);
+    assert_eq!(keys(&json["truth"][0]), ["camera", "rotation_error_deg", "translation_error_mm"]);
+}
+
+#[test]
+fn units_are_the_users() {
+    let document = document(&converged(Motion::translation(0.2, 0.0, 0.0)), None);
+    let camera = &document.cameras[0];
+    // Variance 4e-6 m^2 and rad^2: 2 mm and 0.1146 deg.
+    assert!((camera.sigma_mm.expect("known")[1].expect("finite") - 2.0).abs() < 1e-9);
+    assert!((camera.sigma_deg.expect("known")[2].expect("finite") - 0.1146).abs() < 1e-4);
+    assert!((document.pairs[0].residual_mm.expect("matches") - 4.1).abs() < 1e-9);
+    assert!(
+        !serde_json::to_value(&document)
+            .expect("serialisable")
+            .as_object()
+            .expect("object")
+            .contains_key("truth")
+    );
+}
+
+#[test]
+fn a_result_without_places_has_null_and_no_nan() {
+    let reason = Reason { code: ReasonCode::NoLines, sentence: "no camera shows an edge".into() };
+    let calibration = RigCalibration {
+        state: State::Collecting,
+        reason: Some(reason),
+        cameras: vec![None, None],
+        pairs: vec![pair(0)],
+        ..converged(Motion::identity())
+    };
+    let document = document(&calibration, Some(&[Motion::identity(), Motion::identity()]));
+    let json = serde_json::to_value(&document).expect("serialisable");
+    assert_eq!(json["reason"], json!({"code": "no_lines", "sentence": "no camera shows an edge"}));
+    assert_eq!(json["cameras"][0]["reference_from_camera"], Value::Null);
+    assert_eq!(json["pairs"][0]["residual_px"], Value::Null);
+    assert_eq!(json["truth"][0]["rotation_error_deg"], Value::Null);
+    assert!(!document.is_converged() && !document.is_wrong(0.5, 15.0));
+    let text = text::calibration(&document);
+    assert!(text.contains("no camera shows an edge") && text.contains("unknown"), "{text}");
+}
+
+#[test]
+fn errors_are_taken_in_the_frame_of_the_reference() {
+    let first_from_left = Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.3, 0.2, 0.1));
+    let left_from_right = Motion::new(Vector3::new(0.2, 0.0, 0.01), Vector3::new(0.0, 0.5, 0.0));
+    let truth = [first_from_left, first_from_left * left_from_right];
+    let good = document(&converged(left_from_right), Some(&truth));
+    let error = &good.truth.as_ref().expect("given")[0];
+    assert!(
+        error.translation_error_mm.expect("known") < 1e-9 && error.rotation_error_deg.expect("known") < 1e-6
+    );
+    let off = Motion::translation(0.0, 0.016, 0.0) * left_from_right;
+    let wrong = document(&converged(off), Some(&truth));
+    assert!(
+        (wrong.truth.as_ref().expect("given")[0].translation_error_mm.expect("known") - 16.0).abs() < 1e-6
+    );
+    assert!(wrong.is_wrong(0.5, 15.0) && !wrong.is_wrong(0.5, 17.0) && !good.is_wrong(0.5, 15.0));
+}
+
+#[test]
+fn tables_have_straight_columns() {
+    let rows = vec![vec!["a".to_owned(), "1".to_owned()], vec!["bbbb".to_owned(), "22".to_owned()]];
+    assert_eq!(text::table(&["x", "y"], &rows), "x     y\na     1\nbbbb  22\n");
+}

@@ -1,0 +1,52 @@
+//! `pelical watch`: every result and, at most once a second, how collecting goes, until Ctrl-C. With `--json` one document a line.
+
+use std::time::{Duration, Instant};
+
+use super::args::Output;
+use super::error::CliError;
+use super::exit::Exit;
+use super::interrupt::Interrupt;
+use super::online::GLANCE;
+use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::output::{self, status};
+use crate::ipc::{CalibrationMessage, Client, InstanceName};
+
+/// Progress comes with every frame set; nobody reads 30 lines a second.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// Prints what the daemon publishes.
+///
+/// # Errors
+/// When there is no daemon, or it ends.
+pub fn run(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
+    let interrupt = Interrupt::register()?;
+    let mut client = Client::connect(instance)?;
+    let mut told: Option<Instant> = None;
+    while !interrupt.is_set() {
+        if let Some(message) = client.wait_calibration(GLANCE)? {
+            print_calibration(&message, output)?;
+        }
+        while let Some(progress) = client.next_progress(Duration::ZERO)? {
+            if !output.json && told.is_none_or(|told| told.elapsed() >= INTERVAL) {
+                told = Some(Instant::now());
+                eprintln!("{}", status::progress_line(&progress));
+            }
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn print_calibration(message: &CalibrationMessage, output: Output) -> Result<(), CliError> {
+    let used = message.calibration.frame_sets_used as u64;
+    let document = CalibrationDocument::new(&Findings {
+        cameras: &message.cameras,
+        calibration: &message.calibration,
+        frame_sets: FrameSets { seen: used, used, refused: 0 },
+        timing_ms: TimingMs::default(),
+        truth: None,
+    });
+    if output.json {
+        return output::print_json_line(&document);
+    }
+    output::print_text(&format!("result {}\n{}\n", message.sequence, output::text::calibration(&document)))
+}

@@ -1,0 +1,82 @@
+//! From the checked section `cameras` to a back end and the cameras of the rig.
+
+use super::check::{BackendConfig, CameraChoice, CamerasConfig};
+use crate::capture::recording::Recording;
+use crate::capture::replay::ReplayFactory;
+use crate::capture::synthetic::SyntheticFactory;
+use crate::capture::{CameraInfo, CaptureError, DeviceFactory};
+use crate::geometry::motion::Motion;
+
+/// Why the cameras of the config cannot form a rig with this back end.
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    /// The back end cannot be reached.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// The back end has no camera at all.
+    #[error("the back end `{backend}` has no camera: plug one in, or name the expected ones in cameras.list")]
+    NoCamera {
+        /// Name of the back end.
+        backend: &'static str,
+    },
+    /// The reference is not a camera of the rig.
+    #[error("cameras.reference: \"{reference}\" is not a camera of the rig; allowed are {names}")]
+    Reference {
+        /// Asked for.
+        reference: String,
+        /// The names that are there, joined.
+        names: String,
+    },
+}
+
+impl CamerasConfig {
+    /// The back end that was chosen.
+    ///
+    /// # Errors
+    /// When it cannot be reached, as a recording that is not there.
+    pub fn factory(&self) -> Result<Box<dyn DeviceFactory>, CaptureError> {
+        match &self.backend {
+            BackendConfig::Replay(recording, options) => {
+                Ok(Box::new(ReplayFactory::new(Recording::open(recording)?, *options)?))
+            }
+            BackendConfig::Synthetic(options) => Ok(Box::new(SyntheticFactory::new(options.clone()))),
+        }
+    }
+
+    /// The cameras of the rig, the reference first. Listed cameras need not be there yet.
+    ///
+    /// # Errors
+    /// When there is none, or the reference is not among them.
+    pub fn rig(&self, factory: &dyn DeviceFactory) -> Result<Vec<CameraChoice>, RigError> {
+        let mut rig = self.list.clone();
+        if rig.is_empty() {
+            let choice = |info: CameraInfo| CameraChoice { name: info.name, serial: info.serial };
+            rig = factory.list()?.into_iter().map(choice).collect();
+        }
+        if rig.is_empty() {
+            return Err(RigError::NoCamera { backend: factory.name() });
+        }
+        if let Some(reference) = &self.reference {
+            let position = rig.iter().position(|camera| camera.name == *reference).ok_or_else(|| {
+                let names: Vec<&str> = rig.iter().map(|camera| camera.name.as_str()).collect();
+                RigError::Reference { reference: reference.clone(), names: names.join(", ") }
+            })?;
+            rig[..=position].rotate_right(1);
+        }
+        Ok(rig)
+    }
+
+    /// Where the cameras of a rig truly are, in the frame of the rig's first; `None` where the back end cannot know.
+    pub fn truth(&self, rig: &[CameraChoice]) -> Option<Vec<Motion>> {
+        let BackendConfig::Synthetic(options) = &self.backend else { return None };
+        let place = |camera: &CameraChoice| {
+            let found = options.cameras.iter().find(|made| made.info.serial == camera.serial);
+            found.map(|made| made.reference_from_camera)
+        };
+        let places: Vec<Motion> = rig.iter().map(place).collect::<Option<_>>()?;
+        let first_from_reference = places.first()?.inverse();
+        Some(
+            places.iter().map(|reference_from_camera| first_from_reference * reference_from_camera).collect(),
+        )
+    }
+}

@@ -1,0 +1,143 @@
+//! From the sections of the file to checked options in internal units.
+
+use std::path::{Path, PathBuf};
+
+use super::convert::synthetic_options;
+use super::error::Refusal;
+use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection};
+use crate::capture::replay::{self, ReplayOptions};
+use crate::capture::synthetic::SyntheticOptions;
+use crate::ipc::{InstanceName, MAX_NAME_BYTES};
+use crate::pipeline::PipelineOptions;
+
+/// Everything the daemon needs to know, checked.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Name of this daemon.
+    pub instance: InstanceName,
+    /// What is logged, and how.
+    pub log: LogSection,
+    /// Which cameras.
+    pub cameras: CamerasConfig,
+    /// Everything between frames and results.
+    pub pipeline: PipelineOptions,
+}
+
+/// Back end and cameras.
+#[derive(Debug, Clone)]
+pub struct CamerasConfig {
+    /// Where frames come from.
+    pub backend: BackendConfig,
+    /// The cameras of the rig; empty means every camera of the back end.
+    pub list: Vec<CameraChoice>,
+    /// Name of the reference camera; `None` means the first.
+    pub reference: Option<String>,
+}
+
+/// Where frames come from, with the options of that back end only.
+#[derive(Debug, Clone)]
+pub enum BackendConfig {
+    /// A recording folder.
+    Replay(PathBuf, ReplayOptions),
+    /// A rendered room.
+    Synthetic(SyntheticOptions),
+}
+
+/// One camera of the rig.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CameraChoice {
+    /// Name in the rig.
+    pub name: String,
+    /// Serial number of the device.
+    pub serial: String,
+}
+
+impl TryFrom<&ConfigFile> for Config {
+    type Error = Refusal;
+
+    fn try_from(file: &ConfigFile) -> Result<Self, Refusal> {
+        let instance: Result<InstanceName, _> = file.instance.parse();
+        Ok(Self {
+            instance: instance.map_err(|error| Refusal::new("instance", error.to_string()))?,
+            log: file.log.clone(),
+            cameras: CamerasConfig::try_from(&file.cameras)?,
+            pipeline: super::convert::pipeline_options(file)?,
+        })
+    }
+}
+
+impl Config {
+    /// The same with relative paths read from `folder`, which is the config file's.
+    pub fn relative_to(mut self, folder: &Path) -> Self {
+        if let BackendConfig::Replay(recording, _) = &mut self.cameras.backend {
+            *recording = folder.join(&recording);
+        }
+        self
+    }
+}
+
+impl TryFrom<&CamerasSection> for CamerasConfig {
+    type Error = Refusal;
+
+    fn try_from(file: &CamerasSection) -> Result<Self, Refusal> {
+        check_list(&file.list)?;
+        check_reference(file)?;
+        let choice =
+            |entry: &CameraEntry| CameraChoice { name: entry.name.clone(), serial: entry.serial.0.clone() };
+        let backend = match file.backend {
+            Backend::Replay => {
+                let what = "is missing: the back end `replay` needs the folder of a recording";
+                let recording = file.replay.recording.clone();
+                let recording = recording.ok_or_else(|| Refusal::new("cameras.replay.recording", what))?;
+                BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))
+            }
+            Backend::Synthetic => BackendConfig::Synthetic(synthetic_options(&file.synthetic)?),
+        };
+        Ok(Self { backend, list: file.list.iter().map(choice).collect(), reference: file.reference.clone() })
+    }
+}
+
+impl From<&ReplaySection> for ReplayOptions {
+    fn from(file: &ReplaySection) -> Self {
+        let pace = match file.pace {
+            Pace::RealTime => replay::Pace::RealTime,
+            Pace::Unpaced => replay::Pace::Unpaced,
+        };
+        Self { pace, repeat: file.repeat, preload: file.preload }
+    }
+}
+
+fn check_list(list: &[CameraEntry]) -> Result<(), Refusal> {
+    for (index, entry) in list.iter().enumerate() {
+        let key = |key: &str| format!("cameras.list[{index}].{key}");
+        if entry.name.is_empty() || entry.name.len() > MAX_NAME_BYTES {
+            let what = format!("{:?}: allowed are 1 to {MAX_NAME_BYTES} bytes", entry.name);
+            return Err(Refusal::new(key("name"), what));
+        }
+        if entry.serial.0.is_empty() || entry.serial.0.len() > MAX_NAME_BYTES {
+            let what = format!("{:?}: allowed are 1 to {MAX_NAME_BYTES} bytes", entry.serial.0);
+            return Err(Refusal::new(key("serial"), what));
+        }
+        if list[..index].iter().any(|earlier| earlier.name == entry.name) {
+            let what =
+                format!("{:?} is the name of an earlier camera; every camera needs its own", entry.name);
+            return Err(Refusal::new(key("name"), what));
+        }
+        if list[..index].iter().any(|earlier| earlier.serial == entry.serial) {
+            let what = format!("{:?} is the serial number of an earlier camera", entry.serial.0);
+            return Err(Refusal::new(key("serial"), what));
+        }
+    }
+    Ok(())
+}
+
+/// Names of an unlisted rig are known only when the back end has been asked.
+fn check_reference(file: &CamerasSection) -> Result<(), Refusal> {
+    let Some(reference) = &file.reference else { return Ok(()) };
+    if file.list.is_empty() || file.list.iter().any(|entry| entry.name == *reference) {
+        return Ok(());
+    }
+    let names: Vec<&str> = file.list.iter().map(|entry| entry.name.as_str()).collect();
+    let what = format!("{reference:?} is not a camera of the list; allowed are {}", names.join(", "));
+    Err(Refusal::new("cameras.reference", what))
+}

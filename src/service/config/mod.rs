@@ -1,0 +1,117 @@
+//! The config file: reads it, refuses what is wrong with file, line, key and what is allowed, and converts the user's units
+//! into the options of the parts once.
+
+mod backend;
+mod check;
+mod convert;
+mod error;
+mod locate;
+mod sections;
+mod serial;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+pub use backend::RigError;
+pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
+pub use error::{ConfigError, Refusal};
+pub use sections::*;
+pub use serial::{Serial, UNQUOTED_SERIAL};
+
+/// Reads and checks a config file; the file's sections come with the checked options, to be shown.
+///
+/// # Errors
+/// Names the file, the line, the key and what is allowed.
+pub fn load(file: &Path) -> Result<(ConfigFile, Config), ConfigError> {
+    let text = std::fs::read_to_string(file)
+        .map_err(|source| ConfigError::Read { file: file.to_owned(), source })?;
+    let (sections, config) = checked(file, &text)?;
+    Ok((sections, config.relative_to(file.parent().unwrap_or(Path::new("")))))
+}
+
+/// The checked options of a config file, or the defaults without one.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_or_default(file: Option<&Path>) -> Result<Config, ConfigError> {
+    match file {
+        Some(file) => load(file).map(|(_, config)| config),
+        None => checked(Path::new("defaults"), "{}").map(|(_, config)| config),
+    }
+}
+
+/// The config of `pelical demo`, which is the file `config/demo.yaml`.
+///
+/// # Errors
+/// Never, unless that file was broken before this program was built; a test sees to it.
+pub fn demo() -> Result<Config, ConfigError> {
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/config/demo.yaml"));
+    checked(Path::new("demo.yaml"), text).map(|(_, config)| config)
+}
+
+fn checked(file: &Path, text: &str) -> Result<(ConfigFile, Config), ConfigError> {
+    let sections = parse(file, text)?;
+    let config = Config::try_from(&sections).map_err(|refusal| located(file, text, refusal))?;
+    Ok((sections, config))
+}
+
+/// The text of a config file as sections, with defaults for what it does not say.
+fn parse(file: &Path, text: &str) -> Result<ConfigFile, ConfigError> {
+    if !text.lines().any(|line| !line.trim().is_empty() && !line.trim_start().starts_with('#')) {
+        // A truncated file must not start a daemon with settings that nobody chose.
+        let what = "the file has no content; `{}` means every default".to_owned();
+        return Err(ConfigError::Text { file: file.to_owned(), line: 1, what });
+    }
+    let sections: ConfigFile = serde_yaml::from_str(text).map_err(|error| text_error(file, text, &error))?;
+    match unquoted_serial(text, &sections) {
+        Some(refusal) => Err(located(file, text, refusal)),
+        None => Ok(sections),
+    }
+}
+
+fn located(file: &Path, text: &str, refusal: Refusal) -> ConfigError {
+    let Refusal { key, what } = refusal;
+    ConfigError::Value { file: file.to_owned(), line: locate::line_of(text, &key), key, what }
+}
+
+fn text_error(file: &Path, text: &str, error: &serde_yaml::Error) -> ConfigError {
+    let message = error.to_string();
+    let line = error.location().map_or_else(|| text.lines().count().max(1), |location| location.line());
+    // The place is said in front, as compilers do.
+    let what = match message.rfind(" at line ") {
+        Some(end) => &message[..end],
+        None => message.as_str(),
+    };
+    ConfigError::Text { file: file.to_owned(), line, what: in_plain_words(what) }
+}
+
+/// Replaces the words of the parser that only programmers know.
+fn in_plain_words(message: &str) -> String {
+    const WORDS: [(&str, &str); 9] = [
+        ("unknown field", "unknown key"),
+        ("duplicate field", "this key stands here twice:"),
+        ("missing field", "missing key"),
+        ("unknown variant", "unknown value"),
+        ("invalid type: unit value", "there is no value"),
+        ("invalid type", "wrong kind of value"),
+        ("expected f64", "expected a number"),
+        ("expected u64", "expected a whole number, 0 or more"),
+        ("expected a boolean", "expected true or false"),
+    ];
+    WORDS.iter().fold(message.to_owned(), |text, (theirs, ours)| text.replace(theirs, ours))
+}
+
+/// A serial number such as 012345: YAML reads it as text because of its leading zero, but its writer cannot know, and the
+/// next camera without a leading zero would be refused.
+fn unquoted_serial(text: &str, sections: &ConfigFile) -> Option<Refusal> {
+    sections.cameras.list.iter().enumerate().find_map(|(index, entry)| {
+        let key = format!("cameras.list[{index}].serial");
+        let line = text.lines().nth(locate::line_of(text, &key) - 1)?;
+        let serial = &entry.serial.0;
+        let digits_only = !serial.is_empty() && serial.bytes().all(|byte| byte.is_ascii_digit());
+        let bare =
+            line.split_once("serial:").is_some_and(|(_, value)| value.trim_start().starts_with(serial));
+        (digits_only && bare).then(|| Refusal::new(key, UNQUOTED_SERIAL))
+    })
+}

@@ -1,0 +1,109 @@
+//! What a config file may say, and what is said about a wrong one.
+
+use std::path::Path;
+
+use super::*;
+
+fn refused(text: &str) -> String {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("c.yaml");
+    std::fs::write(&file, text).expect("written");
+    let message = load(&file).expect_err("the text is wrong").to_string();
+    let place = format!("{}/", folder.path().display());
+    message.strip_prefix(&place).expect("the file comes first").to_owned()
+}
+
+#[track_caller]
+fn check_refused(text: &str, parts: &[&str]) {
+    let message = refused(text);
+    for part in parts {
+        assert!(message.contains(part), "{part:?} is not in {message:?}");
+    }
+}
+
+#[test]
+fn an_unknown_key_is_refused_with_those_that_are_known() {
+    check_refused(
+        "log:\n  level: info\nlines:\n  min_length: 30\n",
+        &["c.yaml:4: lines: unknown key `min_length`", "`min_length_px`", "`min_inlier_ratio`"],
+    );
+    check_refused("# x\nlins: {}\n", &["c.yaml:2: unknown key `lins`", "`lines`", "`sync`"]);
+}
+
+#[test]
+fn a_wrong_type_is_refused_with_its_key() {
+    check_refused("sync:\n  max_skew_ms: fast\n", &["c.yaml:2: sync.max_skew_ms", "expected a number"]);
+    check_refused("cameras:\n  synthetic:\n    seed: -1\n", &["c.yaml:3: cameras.synthetic.seed"]);
+    check_refused("log:\n  format: xml\n", &["c.yaml:2: log.format", "`human`", "`json`", "`journald`"]);
+    check_refused("log: human\n", &["c.yaml:1: log", "expected a section"]);
+}
+
+#[test]
+fn an_unquoted_serial_is_refused_with_the_reason() {
+    for bare in ["123456789012", "012345", "1e5", "0x12", "99999999999999999999999", "-3"] {
+        let text = format!("cameras:\n  list:\n    - name: a\n      serial: {bare}\n");
+        check_refused(&text, &["c.yaml:4: cameras.list[0].serial", "quotes", "leading zeros"]);
+    }
+    check_refused(
+        "cameras:\n  list: [{name: a, serial: 007}]\n",
+        &["c.yaml:2: cameras.list[0].serial", "quotes"],
+    );
+    let quoted = "cameras:\n  list:\n    - {name: a, serial: \"012345\"}\n    - {name: b, serial: 'f001'}\n    - {name: c, serial: f12}\n";
+    let sections = parse(Path::new("c.yaml"), quoted).expect("serials in quotes, or with letters");
+    assert_eq!(sections.cameras.list[0].serial.0, "012345");
+}
+
+#[test]
+fn values_out_of_range_say_line_key_and_range() {
+    check_refused(
+        "lines:\n  # why\n  min_length_px: 2\n",
+        &["c.yaml:3: lines.min_length_px: 2", "10 to 1000"],
+    );
+    check_refused("estimate:\n  max_baseline_m: .nan\n", &["c.yaml:2: estimate.max_baseline_m: NaN"]);
+    check_refused("instance: a/b\n", &["c.yaml:1: instance: ", "a-z, 0-9"]);
+    check_refused(
+        "sync: {max_skew_ms: 500, stalled_after_ms: 500}\n",
+        &["c.yaml:1: sync.max_skew_ms", "below sync.stalled_after_ms"],
+    );
+    check_refused("cameras:\n  backend: replay\n", &["c.yaml:1: cameras.replay.recording", "folder"]);
+}
+
+#[test]
+fn cameras_must_differ_and_the_reference_must_be_one_of_them() {
+    let two = |a: &str, b: &str| format!("cameras:\n  list:\n    - {a}\n    - {b}\n  reference: right\n");
+    let left = "{name: left, serial: \"1\"}";
+    check_refused(&two(left, "{name: left, serial: \"2\"}"), &["c.yaml:4: cameras.list[1].name", "earlier"]);
+    check_refused(
+        &two(left, "{name: right, serial: \"1\"}"),
+        &["c.yaml:4: cameras.list[1].serial", "earlier"],
+    );
+    check_refused(&two(left, "{name: up, serial: \"2\"}"), &["c.yaml:5: cameras.reference", "left, up"]);
+    check_refused(&two(left, "{name: right}"), &["c.yaml:4: cameras.list[1]", "missing key `serial`"]);
+}
+
+#[test]
+fn broken_yaml_and_unreadable_files_are_refused() {
+    check_refused("log: [\n", &["c.yaml:"]);
+    check_refused("", &["c.yaml:1: the file has no content"]);
+    check_refused("instance: a\ninstance: b\n", &["c.yaml:", "twice", "instance"]);
+    let message = load(Path::new("no/such.yaml")).expect_err("it is not there").to_string();
+    assert!(message.starts_with("no/such.yaml: cannot read"), "{message}");
+}
+
+#[test]
+fn a_relative_recording_lies_beside_the_config_file() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("c.yaml");
+    std::fs::write(&file, "cameras: {backend: replay, replay: {recording: rec}}\n").expect("written");
+    let (_, config) = load(&file).expect("valid");
+    let BackendConfig::Replay(recording, _) = config.cameras.backend else { panic!("replay was asked for") };
+    assert_eq!(recording, folder.path().join("rec"));
+}
+
+#[test]
+fn the_defaults_are_valid_and_come_back_from_their_own_text() {
+    let defaults = ConfigFile::default();
+    let text = serde_yaml::to_string(&defaults).expect("sections can be written");
+    assert_eq!(parse(Path::new("c.yaml"), &text).expect("and read"), defaults);
+    Config::try_from(&defaults).expect("and are valid");
+}

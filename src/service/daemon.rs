@@ -1,0 +1,250 @@
+//! The running daemon: one thread that listens to the pipeline and to the clients, and tells the one about the other.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, bounded};
+
+use super::config::{CameraChoice, Config, RigError};
+use super::error::ServiceError;
+use super::state::{self, Life};
+use super::stop::Stop;
+use super::telling::{HealthTeller, ProgressTeller, wall_clock_ns};
+use crate::capture::DeviceFactory;
+use crate::ipc::{
+    CalibrationMessage, CameraIdentity, Request, RequestKind, Response, Server, ServerError, Snapshot,
+};
+use crate::pipeline::{
+    self, Answer, CameraSlot, Command, Counts, Pipeline, PipelineEvent, PipelineOptions, Solved,
+};
+use crate::solver::State;
+
+/// Longest time a client's request or a signal waits for the daemon's attention; events of the pipeline wake it at once.
+const POLL: Duration = Duration::from_millis(5);
+/// How often health is told.
+const HEALTH_INTERVAL: Duration = Duration::from_secs(1);
+/// Events that wait for this thread; at 30 frame sets a second this is two seconds. Then the pipeline drops and counts them.
+const EVENT_QUEUE: usize = 64;
+/// Restarts of a pipeline with a bug before the daemon gives up.
+const MAX_RESTARTS: u32 = 5;
+
+/// What is remembered while pipelines come and go.
+struct Daemon {
+    identities: Vec<CameraIdentity>,
+    life: Life,
+    calibration_sequence: u64,
+    progress: ProgressTeller,
+    health: HealthTeller,
+    /// Messages that could not be published since health was told last, and why the last one could not.
+    unpublished: (u32, Option<ServerError>),
+}
+
+/// Both sides that are listened to.
+struct Live<'a> {
+    pipeline: Pipeline,
+    events: Receiver<PipelineEvent>,
+    server: &'a Server,
+}
+
+/// Why a pipeline is no longer listened to.
+enum End {
+    Requested,
+    /// A thread of it panicked.
+    Bug {
+        thread: String,
+    },
+}
+
+/// What the pipeline is started with, and started again after a bug.
+struct Rig {
+    slots: Vec<CameraSlot>,
+    identities: Vec<CameraIdentity>,
+    options: PipelineOptions,
+}
+
+impl Rig {
+    fn new(config: &Config) -> Result<Self, ServiceError> {
+        let factory: Arc<dyn DeviceFactory> = Arc::from(config.cameras.factory().map_err(RigError::from)?);
+        let cameras = config.cameras.rig(factory.as_ref())?;
+        let slot = |camera: &CameraChoice| CameraSlot {
+            factory: Arc::clone(&factory),
+            serial: camera.serial.clone(),
+            name: camera.name.clone(),
+        };
+        let identity = |camera: &CameraChoice| CameraIdentity {
+            name: camera.name.clone(),
+            serial: camera.serial.clone(),
+        };
+        Ok(Self {
+            slots: cameras.iter().map(slot).collect(),
+            identities: cameras.iter().map(identity).collect(),
+            options: config.pipeline,
+        })
+    }
+
+    fn start<'a>(&self, server: &'a Server) -> Result<Live<'a>, ServiceError> {
+        let (sender, events) = bounded(EVENT_QUEUE);
+        Ok(Live { pipeline: Pipeline::start(self.slots.clone(), &self.options, sender)?, events, server })
+    }
+}
+
+/// Runs the daemon until it is asked to stop.
+///
+/// # Errors
+/// When it cannot start, or when the pipeline fails again and again.
+pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
+    // The name first: a second daemon must not even touch the cameras.
+    let server = Server::start(&config.instance)?;
+    let rig = Rig::new(config)?;
+    let names: Vec<&str> = rig.identities.iter().map(|camera| camera.name.as_str()).collect();
+    tracing::info!(instance = %config.instance, cameras = names.join(", "), "started");
+    let mut daemon = Daemon::new(rig.identities.clone());
+    for restarts in 0.. {
+        let live = rig.start(&server)?;
+        let end = daemon.serve(&live, stop);
+        daemon.say_goodbye(&live, &end);
+        let report = live.pipeline.stop();
+        match end {
+            End::Requested => {
+                tracing::info!(hanging = report.abandoned.len(), "stopped");
+                break;
+            }
+            End::Bug { thread } if restarts == MAX_RESTARTS => {
+                return Err(ServiceError::Bug { thread, restarts });
+            }
+            End::Bug { thread } => {
+                tracing::error!(
+                    thread,
+                    restarts,
+                    "a thread panicked, which is a bug: starting the pipeline again"
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Daemon {
+    fn new(identities: Vec<CameraIdentity>) -> Self {
+        Self {
+            identities,
+            life: Life::new(),
+            calibration_sequence: 0,
+            progress: ProgressTeller::default(),
+            health: HealthTeller::new(Instant::now()),
+            unpublished: (0, None),
+        }
+    }
+
+    /// Listens to both sides until there is a reason to end.
+    fn serve(&mut self, live: &Live<'_>, stop: &Stop) -> End {
+        while !stop.is_set() {
+            // Waiting for the first, then taking what else has come meanwhile.
+            let first = live.events.recv_timeout(POLL).ok();
+            for event in first.into_iter().chain(live.events.try_iter()) {
+                match event {
+                    PipelineEvent::Bug { thread } => return End::Bug { thread },
+                    event => self.handle(event, live),
+                }
+            }
+            self.answer_clients(live);
+            if self.health.is_due(HEALTH_INTERVAL) {
+                self.tell_health(live);
+            }
+        }
+        End::Requested
+    }
+
+    /// Whoever asks in the last moment gets an answer.
+    fn say_goodbye(&mut self, live: &Live<'_>, end: &End) {
+        match end {
+            End::Requested => self.life.on_stop(),
+            End::Bug { .. } => {
+                self.life.on_restart();
+                self.progress.restart(Counts::default());
+            }
+        }
+        self.answer_clients(live);
+    }
+
+    fn answer_clients(&mut self, live: &Live<'_>) {
+        let polled = live.server.poll(Duration::ZERO, |request| self.answer(request, &live.pipeline));
+        self.note(polled.map(drop));
+    }
+
+    fn handle(&mut self, event: PipelineEvent, live: &Live<'_>) {
+        match event {
+            PipelineEvent::Progress(progress) => {
+                self.life.on_frames();
+                let message = self.progress.message(&progress, self.identities.len(), self.life.state());
+                self.note(live.server.publish_progress(&message));
+            }
+            PipelineEvent::Calibration(solved) => self.publish(*solved, live),
+            // The pipeline has logged it, health tells it, and a bug has ended the loop.
+            PipelineEvent::Camera { .. } | PipelineEvent::Bug { .. } => {}
+        }
+    }
+
+    fn publish(&mut self, solved: Solved, live: &Live<'_>) {
+        self.life.on_solved(&solved);
+        self.progress.note(&solved.calibration);
+        self.calibration_sequence += 1;
+        let (state, ms) = (solved.calibration.state.name(), solved.took.as_millis());
+        let sentence = solved.calibration.reason.as_ref().map_or("", |reason| reason.sentence.as_str());
+        if self.life.state() == State::Converged {
+            tracing::info!(state, ms, frame_sets = solved.calibration.frame_sets_used, "calibrated");
+        } else {
+            tracing::debug!(state, ms, sentence, "not yet");
+        }
+        let message = CalibrationMessage {
+            sequence: self.calibration_sequence,
+            stamp_ns: wall_clock_ns(),
+            cameras: self.identities.clone(),
+            calibration: solved.calibration,
+        };
+        self.note(live.server.publish_calibration(&message));
+    }
+
+    fn answer(&mut self, request: Request, pipeline: &Pipeline) -> Response {
+        let before = pipeline.snapshot();
+        let outcome = self.life.answer(request.kind, &before, |command| {
+            let answer = pipeline.command(command);
+            if (command, answer) == (Command::Recalibrate, Answer::Accepted) {
+                self.progress.restart(before.counts);
+            }
+            answer
+        });
+        if request.kind != RequestKind::Status {
+            tracing::info!(request = ?request.kind, ?outcome, "asked");
+        }
+        Response { outcome, snapshot: self.snapshot(&pipeline.snapshot()) }
+    }
+
+    fn snapshot(&self, pipeline: &pipeline::Snapshot) -> Snapshot {
+        Snapshot {
+            activity: self.life.activity(pipeline.phase),
+            state: self.life.state(),
+            reason: self.life.reason().cloned(),
+            calibration_sequence: self.calibration_sequence,
+            uptime_ns: self.health.uptime_ns(),
+            frame_sets_used: self.progress.frame_sets(&pipeline.counts).used,
+            cameras: pipeline.cameras.len() as u32,
+            cameras_streaming: state::streaming(pipeline) as u32,
+        }
+    }
+
+    fn tell_health(&mut self, live: &Live<'_>) {
+        let message = self.health.message(&live.pipeline.snapshot());
+        self.note(live.server.publish_health(&message));
+        if let (count, Some(error)) = std::mem::take(&mut self.unpublished) {
+            tracing::warn!(count, %error, "messages could not be published");
+        }
+    }
+
+    /// A message that was not published is no reason to end; it is told once a second.
+    fn note(&mut self, published: Result<(), ServerError>) {
+        if let Err(error) = published {
+            self.unpublished = (self.unpublished.0 + 1, Some(error));
+        }
+    }
+}

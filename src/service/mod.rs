@@ -1,0 +1,70 @@
+//! The daemon's life: configuration, log, state, and the run from start to a clean stop.
+
+pub mod config;
+mod daemon;
+mod error;
+pub mod logging;
+mod state;
+mod stop;
+mod telling;
+
+use std::io::Write;
+use std::path::Path;
+
+pub use daemon::run;
+pub use error::ServiceError;
+pub use stop::Stop;
+
+use crate::ipc::InstanceName;
+use config::{Config, LogLevel};
+
+/// Runs the daemon of a config file until a signal asks it to stop.
+///
+/// # Errors
+/// When the config is wrong, the daemon cannot start, or it gives up.
+pub fn start(file: &Path) -> Result<(), ServiceError> {
+    let (_, config) = config::load(file)?;
+    run_process(&config)
+}
+
+/// Runs the daemon of the demo under the given name; it ends with the process that started it.
+///
+/// # Errors
+/// As [`start`].
+pub fn start_demo(instance: InstanceName) -> Result<(), ServiceError> {
+    let mut config = config::demo()?;
+    config.instance = instance;
+    // The terminal belongs to the demo's progress.
+    config.log.level = LogLevel::Warn;
+    let system = |error: rustix::io::Errno| ServiceError::System {
+        what: "cannot tie the demo's daemon to its client",
+        source: error.into(),
+    };
+    rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::TERM)).map_err(system)?;
+    run_process(&config)
+}
+
+fn run_process(config: &Config) -> Result<(), ServiceError> {
+    logging::start(&config.log);
+    log_panics();
+    run(config, &Stop::on_signals()?)
+}
+
+/// A panic is a bug; it shall stand in the log wherever that goes, not only on stderr.
+fn log_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let thread = std::thread::current().name().unwrap_or("?").to_owned();
+        tracing::error!(thread, "{panic}");
+    }));
+}
+
+/// Prints the effective values of a config file as YAML on stdout.
+///
+/// # Errors
+/// When the config is wrong, or stdout cannot be written.
+pub fn check(file: &Path) -> Result<(), ServiceError> {
+    let (sections, _) = config::load(file)?;
+    let system = |source| ServiceError::System { what: "cannot write to stdout", source };
+    let text = serde_yaml::to_string(&sections).map_err(|error| system(std::io::Error::other(error)))?;
+    std::io::stdout().lock().write_all(text.as_bytes()).map_err(system)
+}

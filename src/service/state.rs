@@ -1,0 +1,187 @@
+//! What the daemon is at, as its clients see it, and what it answers to them. Knows no clock, no thread, no shared memory.
+
+use crate::ipc::{Activity, Outcome, RefusalCode, RequestKind};
+use crate::pipeline::{Answer, CameraState, Command, Phase, Snapshot, Solved};
+use crate::solver::{Reason, State};
+
+/// Fewer cameras cannot be calibrated against each other.
+const MIN_CAMERAS: usize = 2;
+
+/// The verdict so far, and whether the end has begun.
+#[derive(Debug, Clone)]
+pub struct Life {
+    state: State,
+    reason: Option<Reason>,
+    has_started: bool,
+    is_stopping: bool,
+}
+
+impl Life {
+    /// Before the first frame.
+    pub fn new() -> Self {
+        Self { state: State::Collecting, reason: None, has_started: false, is_stopping: false }
+    }
+
+    /// The verdict of the newest solution, or `Collecting` before the first one.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Why it is not converged.
+    pub fn reason(&self) -> Option<&Reason> {
+        self.reason.as_ref()
+    }
+
+    /// The first frame set came.
+    pub fn on_frames(&mut self) {
+        self.has_started = true;
+    }
+
+    /// A solution came.
+    pub fn on_solved(&mut self, solved: &Solved) {
+        self.state = solved.calibration.state;
+        self.reason = solved.calibration.reason.clone();
+    }
+
+    /// Collecting begins anew.
+    pub fn on_restart(&mut self) {
+        (self.state, self.reason) = (State::Collecting, None);
+    }
+
+    /// The end has begun.
+    pub fn on_stop(&mut self) {
+        self.is_stopping = true;
+    }
+
+    /// What clients are told that the daemon does.
+    pub fn activity(&self, phase: Phase) -> Activity {
+        match phase {
+            _ if self.is_stopping => Activity::Stopping,
+            _ if !self.has_started => Activity::Starting,
+            Phase::Collecting => Activity::Collecting,
+            Phase::Watching => Activity::Watching,
+            Phase::Idle => Activity::Idle,
+        }
+    }
+
+    /// The answer to a request; `command` is called when the pipeline has to do something about it.
+    pub fn answer(
+        &mut self,
+        kind: RequestKind,
+        pipeline: &Snapshot,
+        command: impl FnOnce(Command) -> Answer,
+    ) -> Outcome {
+        let refused = |code, sentence: String| Outcome::Refused { code, sentence };
+        match kind {
+            RequestKind::Status => Outcome::Accepted,
+            _ if self.is_stopping => refused(
+                RefusalCode::Stopping,
+                "the daemon is about to end: start it again and ask then".into(),
+            ),
+            RequestKind::Recalibrate => {
+                let streaming = streaming(pipeline);
+                if streaming < MIN_CAMERAS {
+                    let sentence = format!(
+                        "{streaming} cameras deliver frames, {MIN_CAMERAS} are needed: see the status"
+                    );
+                    return refused(RefusalCode::NoCameras, sentence);
+                }
+                match command(Command::Recalibrate) {
+                    Answer::Accepted => {
+                        self.on_restart();
+                        Outcome::Accepted
+                    }
+                    Answer::Busy | Answer::NotCollecting => Outcome::Busy,
+                }
+            }
+            RequestKind::Cancel => match command(Command::Cancel) {
+                Answer::Accepted => Outcome::Accepted,
+                Answer::Busy | Answer::NotCollecting => refused(
+                    RefusalCode::NothingToCancel,
+                    "no calibration runs: there is nothing to cancel".into(),
+                ),
+            },
+        }
+    }
+}
+
+/// How many cameras deliver frames.
+pub fn streaming(pipeline: &Snapshot) -> usize {
+    pipeline.cameras.iter().filter(|camera| camera.state == CameraState::Streaming).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::{CameraSnapshot, Counts, LatencySummaries};
+
+    fn with_cameras(states: &[CameraState]) -> Snapshot {
+        let camera = |&state: &CameraState| CameraSnapshot {
+            name: "c".into(),
+            state,
+            frames: 1,
+            dropped: 0,
+            last_frame_age: None,
+        };
+        Snapshot {
+            cameras: states.iter().map(camera).collect(),
+            phase: Phase::Collecting,
+            counts: Counts::default(),
+            latencies: LatencySummaries::default(),
+        }
+    }
+
+    const TWO: [CameraState; 2] = [CameraState::Streaming, CameraState::Streaming];
+
+    #[track_caller]
+    fn check_refused(outcome: Outcome, expected: RefusalCode) {
+        match outcome {
+            Outcome::Refused { code, sentence } => {
+                assert!(code == expected && !sentence.is_empty(), "{code:?}")
+            }
+            other => panic!("{other:?} instead of {expected:?}"),
+        }
+    }
+
+    #[test]
+    fn activities_follow_the_pipeline_once_frames_come_and_end_with_stopping() {
+        let mut life = Life::new();
+        assert_eq!(life.activity(Phase::Collecting), Activity::Starting);
+        life.on_frames();
+        assert_eq!(life.activity(Phase::Collecting), Activity::Collecting);
+        assert_eq!(life.activity(Phase::Watching), Activity::Watching);
+        assert_eq!(life.activity(Phase::Idle), Activity::Idle);
+        life.on_stop();
+        assert_eq!(life.activity(Phase::Watching), Activity::Stopping);
+    }
+
+    #[test]
+    fn recalibrating_is_busy_accepted_or_refused_for_a_reason() {
+        let mut life = Life::new();
+        let ask = |life: &mut Life, states: &[CameraState], answer| {
+            life.answer(RequestKind::Recalibrate, &with_cameras(states), |_| answer)
+        };
+        assert_eq!(ask(&mut life, &TWO, Answer::Accepted), Outcome::Accepted);
+        assert_eq!(ask(&mut life, &TWO, Answer::Busy), Outcome::Busy);
+        let one = [CameraState::Streaming, CameraState::Unplugged];
+        check_refused(ask(&mut life, &one, Answer::Accepted), RefusalCode::NoCameras);
+        life.on_stop();
+        check_refused(ask(&mut life, &TWO, Answer::Accepted), RefusalCode::Stopping);
+    }
+
+    #[test]
+    fn a_refused_request_never_reaches_the_pipeline() {
+        let mut life = Life::new();
+        let outcome = life.answer(RequestKind::Recalibrate, &with_cameras(&[]), |_| panic!("not asked"));
+        check_refused(outcome, RefusalCode::NoCameras);
+    }
+
+    #[test]
+    fn cancelling_needs_something_to_cancel() {
+        let mut life = Life::new();
+        let pipeline = with_cameras(&TWO);
+        assert_eq!(life.answer(RequestKind::Cancel, &pipeline, |_| Answer::Accepted), Outcome::Accepted);
+        let outcome = life.answer(RequestKind::Cancel, &pipeline, |_| Answer::NotCollecting);
+        check_refused(outcome, RefusalCode::NothingToCancel);
+    }
+}

@@ -1,0 +1,160 @@
+//! From the pipeline's words to those of shared memory.
+
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use crate::ipc::{
+    BestPair, CameraHealth, CameraLines, CameraState, FrameSetCounts, HealthMessage, ProgressMessage, Skew,
+    StageLatency,
+};
+use crate::pipeline::{self, CameraSnapshot, Counts, LatencySummary, Progress, Snapshot};
+use crate::solver::{RigCalibration, State};
+
+/// What is remembered between messages about collecting.
+#[derive(Debug, Default)]
+pub struct ProgressTeller {
+    sequence: u64,
+    /// Counts when collecting began.
+    baseline: Counts,
+    max_skew_ns: u64,
+    best_pair: Option<BestPair>,
+}
+
+impl ProgressTeller {
+    /// Collecting begins anew at these counts.
+    pub fn restart(&mut self, counts: Counts) {
+        *self = Self { sequence: self.sequence, baseline: counts, ..Self::default() };
+    }
+
+    /// Takes note of a solution.
+    pub fn note(&mut self, calibration: &RigCalibration) {
+        let best = calibration.pairs.iter().filter(|pair| pair.matches > 0).max_by_key(|pair| pair.matches);
+        self.best_pair =
+            best.map(|pair| BestPair { target: pair.target, source: pair.source, matches: pair.matches });
+    }
+
+    /// Frame sets since collecting began.
+    pub fn frame_sets(&self, counts: &Counts) -> FrameSetCounts {
+        let since = |count: fn(&Counts) -> u64| count(counts).saturating_sub(count(&self.baseline));
+        FrameSetCounts {
+            seen: since(|counts| counts.sets_formed),
+            used: since(|counts| counts.accepted_sets),
+            refused: since(|counts| counts.refused_skew + counts.refused_motion + counts.repeated_sets),
+            dropped: since(|counts| counts.dropped_sets + counts.skipped_sets),
+        }
+    }
+
+    /// The message about one frame set.
+    pub fn message(&mut self, progress: &Progress, n_cameras: usize, state: State) -> ProgressMessage {
+        self.sequence += 1;
+        let last_ns = ns(progress.skew);
+        self.max_skew_ns = self.max_skew_ns.max(last_ns);
+        let lines = progress.cameras.iter().take(n_cameras);
+        ProgressMessage {
+            sequence: self.sequence,
+            newest_frame_ns: progress.newest_stamp.0,
+            published_ns: monotonic_ns(),
+            latency_ns: ns(progress.newest_arrival.elapsed()),
+            state,
+            frame_sets: self.frame_sets(&progress.counts),
+            cameras: lines.map(|camera| CameraLines { lines: camera.lines, lifted: camera.lifted }).collect(),
+            best_pair: self.best_pair,
+            skew: Skew { last_ns, max_ns: self.max_skew_ns },
+        }
+    }
+}
+
+/// What is remembered between messages about health.
+#[derive(Debug)]
+pub struct HealthTeller {
+    sequence: u64,
+    started: Instant,
+    last: Instant,
+    /// Frames of each camera at the last message.
+    frames: Vec<u64>,
+}
+
+impl HealthTeller {
+    /// Health is told from now on.
+    pub fn new(now: Instant) -> Self {
+        Self { sequence: 0, started: now, last: now, frames: Vec::new() }
+    }
+
+    /// Since the daemon started.
+    pub fn uptime_ns(&self) -> u64 {
+        ns(self.started.elapsed())
+    }
+
+    /// Whether it is time for the next message.
+    pub fn is_due(&self, interval: Duration) -> bool {
+        self.last.elapsed() >= interval
+    }
+
+    /// The message about the pipeline as it is now.
+    pub fn message(&mut self, pipeline: &Snapshot) -> HealthMessage {
+        let elapsed_s = self.last.elapsed().as_secs_f64().max(1e-3);
+        self.last = Instant::now();
+        self.sequence += 1;
+        let before = |index: usize| self.frames.get(index).copied().unwrap_or(0);
+        let health = |(index, camera): (usize, &CameraSnapshot)| CameraHealth {
+            name: camera.name.clone(),
+            state: CameraState::from(camera.state),
+            frames: camera.frames,
+            dropped: camera.dropped,
+            last_frame_age_ns: camera.last_frame_age.map(ns),
+            // A restarted pipeline counts from zero again.
+            fps_hz: camera.frames.saturating_sub(before(index)) as f64 / elapsed_s,
+        };
+        let cameras = pipeline.cameras.iter().enumerate().map(health).collect();
+        self.frames = pipeline.cameras.iter().map(|camera| camera.frames).collect();
+        HealthMessage {
+            sequence: self.sequence,
+            uptime_ns: self.uptime_ns(),
+            cameras,
+            stages: stages(pipeline),
+        }
+    }
+}
+
+fn stages(pipeline: &Snapshot) -> Vec<StageLatency> {
+    let latencies = &pipeline.latencies;
+    let stage = |(stage, summary): (&str, LatencySummary)| StageLatency {
+        stage: stage.to_owned(),
+        p50_ns: (summary.p50_ms * 1e6) as u64,
+        p99_ns: (summary.p99_ms * 1e6) as u64,
+    };
+    let all = [
+        ("frame_to_set", latencies.frame_to_set),
+        ("detect", latencies.detect),
+        ("lift", latencies.lift),
+        ("frame_to_progress", latencies.frame_to_progress),
+        ("solve", latencies.solve),
+    ];
+    all.into_iter().map(stage).collect()
+}
+
+impl From<pipeline::CameraState> for CameraState {
+    fn from(state: pipeline::CameraState) -> Self {
+        match state {
+            pipeline::CameraState::Waiting => CameraState::Waiting,
+            pipeline::CameraState::Streaming => CameraState::Streaming,
+            pipeline::CameraState::Stalled => CameraState::Stalled,
+            pipeline::CameraState::Unplugged => CameraState::Unplugged,
+            pipeline::CameraState::Failed => CameraState::Failed,
+            pipeline::CameraState::Ended => CameraState::Ended,
+        }
+    }
+}
+
+/// ns since 1970; 0 on a machine whose clock stands before that.
+pub fn wall_clock_ns() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, ns)
+}
+
+fn monotonic_ns() -> u64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
+}
+
+fn ns(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,207 @@
+//! The built daemon with the built client, over real shared memory.
+
+use serde_json::Value;
+
+use crate::env::{Running, TestEnv, poll};
+use crate::fixture::{Fixture, SERIALS};
+use crate::synthetic_pair;
+
+/// A daemon of a recording that never converges: noise, played for ever.
+fn start_dull(env: &TestEnv) -> (Fixture, Running) {
+    let fixture = Fixture::new(5);
+    let daemon = env.start_daemon(&env.config(&replay(fixture.path(), true)));
+    env.wait_for_status("streaming cameras", |status| camera_states(status) == ["streaming", "streaming"]);
+    (fixture, daemon)
+}
+
+/// A daemon that converges.
+fn start_good(env: &TestEnv) -> Running {
+    let daemon = env.start_daemon(&env.config(&replay(synthetic_pair::recording(), true)));
+    env.wait_for_status("a converged result", |status| status["activity"] == "watching");
+    daemon
+}
+
+fn replay(recording: &std::path::Path, is_loop: bool) -> String {
+    let recording = recording.display();
+    format!("cameras: {{backend: replay, replay: {{recording: {recording}, loop: {is_loop}}}}}\n")
+}
+
+fn camera_states(status: &Value) -> Vec<&str> {
+    status["cameras"].as_array().unwrap().iter().map(|camera| camera["state"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn without_a_daemon_every_question_ends_with_3_and_what_to_do() {
+    let env = TestEnv::new();
+    for command in ["status", "watch", "recalibrate", "cancel"] {
+        env.pelical(&[command]).expect_code(3).expect_talk(&[&env.instance, "start pelicald"]);
+        let ended = env.pelical(&[command, "--json"]).expect_code(3);
+        assert_eq!(ended.stdout, "");
+    }
+}
+
+#[test]
+fn a_daemon_answers_and_stops_cleanly_on_either_signal() {
+    for signal in ["TERM", "INT"] {
+        let env = TestEnv::new();
+        let (_fixture, daemon) = start_dull(&env);
+        let status = env.pelical(&["status", "--json"]).expect_code(0).json();
+        assert_eq!(status["schema"], "pelical.status/1");
+        assert_eq!(status["instance"], env.instance.as_str());
+        assert_eq!(status["cameras"][0]["name"], "left");
+        let text = env.pelical(&["status"]).expect_code(0).stdout;
+        assert!(text.contains("streaming"), "{text}");
+        daemon.signal(signal);
+        let ended = daemon.wait().expect_code(0);
+        assert!(ended.stderr.contains("stopped"), "{}", ended.stderr);
+        env.pelical(&["status"]).expect_code(3);
+    }
+}
+
+#[test]
+fn a_second_daemon_of_the_same_name_is_refused_and_the_first_goes_on() {
+    let env = TestEnv::new();
+    let (_fixture, _daemon) = start_dull(&env);
+    let config = env.path("pelicald.yaml");
+    let second = env.pelicald(&["--config", config.to_str().unwrap()]);
+    second.expect_code(1).expect_talk(&[&env.instance, "already running"]);
+    env.pelical(&["status"]).expect_code(0);
+}
+
+#[test]
+fn a_killed_daemon_leaves_nothing_in_the_way_of_the_next() {
+    let env = TestEnv::new();
+    let (fixture, daemon) = start_dull(&env);
+    daemon.signal("KILL");
+    daemon.wait();
+    env.pelical(&["status"]).expect_code(3);
+    let _next = env.start_daemon(&env.config(&replay(fixture.path(), true)));
+    env.wait_for_status("cameras after a restart", |status| {
+        camera_states(status) == ["streaming", "streaming"]
+    });
+}
+
+#[test]
+fn requests_get_typed_answers() {
+    let env = TestEnv::new();
+    let (_fixture, _daemon) = start_dull(&env);
+    env.wait_for_status("collecting", |status| status["activity"] == "collecting");
+    let busy = env.pelical(&["recalibrate", "--json"]).expect_code(1).expect_talk(&["busy"]).json();
+    assert_eq!((&busy["schema"], &busy["answer"]), (&"pelical.answer/1".into(), &"busy".into()));
+    env.pelical(&["cancel"]).expect_code(0);
+    let refused =
+        env.pelical(&["cancel", "--json"]).expect_code(1).expect_talk(&["nothing to cancel"]).json();
+    assert_eq!(refused["reason"]["code"], "nothing_to_cancel");
+    let status = env.pelical(&["status", "--json"]).expect_code(0).json();
+    assert_eq!(status["activity"], "idle");
+    env.pelical(&["recalibrate"]).expect_code(0);
+    env.wait_for_status("collecting again", |status| status["activity"] == "collecting");
+}
+
+#[test]
+fn waiting_for_a_result_that_does_not_come_ends_with_4() {
+    let env = TestEnv::new();
+    let (_fixture, _daemon) = start_dull(&env);
+    env.pelical(&["cancel"]).expect_code(0);
+    env.pelical(&["recalibrate", "--wait", "--timeout", "1"]).expect_code(4);
+}
+
+#[test]
+fn a_wait_ends_when_somebody_cancels() {
+    let env = TestEnv::new();
+    let (_fixture, _daemon) = start_dull(&env);
+    env.pelical(&["cancel"]).expect_code(0);
+    let waiting = env.start_pelical(&["recalibrate", "--wait"]);
+    env.wait_for_status("collecting", |status| status["activity"] == "collecting");
+    env.pelical(&["cancel"]).expect_code(0);
+    waiting.wait().expect_code(4);
+}
+
+#[test]
+fn a_late_subscriber_gets_the_result_and_recalibrating_gives_another() {
+    let env = TestEnv::new();
+    let _daemon = start_good(&env);
+    let watch = env.start_pelical(&["watch", "--json"]);
+    let line =
+        poll(|| watch.printed().lines().next().map(str::to_owned)).expect("the result that was there before");
+    let document: Value = serde_json::from_str(&line).unwrap();
+    assert_eq!(
+        (&document["schema"], &document["state"]),
+        (&"pelical.calibration/1".into(), &"converged".into())
+    );
+    watch.signal("INT");
+    watch.wait().expect_code(0);
+    let before = env.pelical(&["status", "--json"]).json()["calibration_sequence"].as_u64().unwrap();
+    let again = env.pelical(&["recalibrate", "--wait", "--json"]).expect_code(0).json();
+    assert_eq!(again["state"], "converged");
+    assert_eq!(again["cameras"][0]["name"], "right");
+    let after = env.pelical(&["status", "--json"]).json()["calibration_sequence"].as_u64().unwrap();
+    assert!(after > before, "{after} after {before}");
+}
+
+#[test]
+fn a_missing_camera_is_reported_and_the_daemon_goes_on() {
+    let env = TestEnv::new();
+    let fixture = Fixture::new(5);
+    let list = format!(
+        "{}  list: [{{name: eye, serial: \"{}\"}}, {{name: ghost, serial: \"9\"}}]\n",
+        block(&fixture),
+        SERIALS[0]
+    );
+    let daemon = env.start_daemon(&env.config(&list));
+    let status = env.wait_for_status("one eye", |status| camera_states(status).first() == Some(&"streaming"));
+    assert_eq!(camera_states(&status), ["streaming", "waiting"]);
+    let refused = env.pelical(&["recalibrate", "--json"]).expect_code(1).json();
+    assert_eq!(refused["reason"]["code"], "no_cameras");
+    daemon.signal("TERM");
+    daemon.wait().expect_code(0);
+}
+
+fn block(fixture: &Fixture) -> String {
+    format!(
+        "cameras:\n  backend: replay\n  replay: {{recording: {}, loop: true}}\n",
+        fixture.path().display()
+    )
+}
+
+#[test]
+fn the_end_of_a_recording_is_not_the_end_of_the_daemon() {
+    let env = TestEnv::new();
+    let fixture = Fixture::new(2);
+    let daemon = env.start_daemon(&env.config(&replay(fixture.path(), false)));
+    env.wait_for_status("ended cameras", |status| camera_states(status) == ["ended", "ended"]);
+    daemon.signal("TERM");
+    daemon.wait().expect_code(0);
+}
+
+#[test]
+fn a_camera_that_gives_bad_frames_is_reported_and_the_daemon_goes_on() {
+    let env = TestEnv::new();
+    let fixture = Fixture::new(1);
+    std::fs::write(fixture.depth_file(1, 0), "no image").unwrap();
+    let _daemon = env.start_daemon(&env.config(&replay(fixture.path(), true)));
+    env.wait_for_status("a failed camera", |status| camera_states(status) == ["streaming", "failed"]);
+}
+
+#[test]
+fn what_the_daemon_cannot_start_with_is_said_at_once() {
+    let env = TestEnv::new();
+    let config = env.config("cameras: {backend: replay, replay: {recording: nowhere}}\n");
+    env.pelicald(&["--config", config.to_str().unwrap()]).expect_code(65).expect_talk(&["nowhere"]);
+    let config = env.config("cameras: {reference: nobody}\n");
+    let ended = env.pelicald(&["--config", config.to_str().unwrap()]);
+    ended.expect_code(78).expect_talk(&["cameras.reference", "front, left, right"]);
+}
+
+#[test]
+fn the_log_is_json_when_asked() {
+    let env = TestEnv::new();
+    let fixture = Fixture::new(2);
+    let daemon =
+        env.start_daemon(&env.config(&format!("log: {{format: json}}\n{}", replay(fixture.path(), true))));
+    let line = poll(|| daemon.talk().lines().next().map(str::to_owned)).expect("the start is logged");
+    let event: Value = serde_json::from_str(&line).unwrap();
+    assert_eq!(event["level"], "INFO");
+    daemon.signal("TERM");
+    daemon.wait().expect_code(0);
+}
