@@ -22,8 +22,8 @@ pub trait Estimator: Send {
     /// Takes one frame set; whether it brought new evidence.
     fn add(&mut self, views: &[Option<CameraView>]) -> bool;
 
-    /// The best estimate so far.
-    fn solve(&self) -> RigCalibration;
+    /// The best estimate so far; `None` soon after `keep_going` says no.
+    fn solve_while(&self, keep_going: &dyn Fn() -> bool) -> Option<RigCalibration>;
 }
 
 impl Estimator for RigEstimator {
@@ -31,8 +31,8 @@ impl Estimator for RigEstimator {
         RigEstimator::add(self, views)
     }
 
-    fn solve(&self) -> RigCalibration {
-        RigEstimator::solve(self)
+    fn solve_while(&self, keep_going: &dyn Fn() -> bool) -> Option<RigCalibration> {
+        RigEstimator::solve_while(self, keep_going)
     }
 }
 
@@ -153,16 +153,18 @@ impl EstimateStage {
         let Some(estimator) = &self.estimator else { return };
         self.evidence.accepted_at_last_solve = self.evidence.accepted;
         let start = Instant::now();
-        let calibration = {
+        // What was cancelled or begun anew meanwhile is not published; a solution that nobody waits for is given up.
+        let round = self.evidence.round;
+        let is_wanted = || !self.shared.is_stopping() && self.shared.phase.is_collecting(round);
+        let solved = {
             let _span = tracing::trace_span!("solve").entered();
-            estimator.solve()
+            estimator.solve_while(&is_wanted)
         };
+        let Some(calibration) = solved else { return };
         let took = start.elapsed();
         self.shared.latencies.solve.record(took);
         self.shared.counters.solves.add_one();
         tracing::debug!(state = calibration.state.name(), ms = took.as_millis() as u64, "solved");
-        // What was cancelled or begun anew meanwhile is not published.
-        let round = self.evidence.round;
         let is_wanted = if calibration.state == State::Converged {
             self.shared.phase.end(Some(round), Phase::Watching)
         } else {

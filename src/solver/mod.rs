@@ -18,3 +18,6 @@ pub use evidence::EvidenceLimits;
 pub use result::*;
 pub use rig::{EstimateOptions, RigEstimator};
 pub use verdict::VerdictLimits;
+
+#[cfg(test)]
+mod tests;

@@ -49,7 +49,9 @@ impl Tracer {
         self.follow = limits.follow;
         self.used.clear();
         self.used.resize(gradient.magnitude.len(), false);
+        self.backward.clear();
         self.backward.reserve(MAX_CHAIN_PX);
+        self.chain.clear();
         self.chain.reserve(2 * MAX_CHAIN_PX);
         for y in BORDER_PX + 1..gradient.height - BORDER_PX - 1 {
             let row = y * gradient.width;

@@ -150,6 +150,7 @@ impl Band {
         self.n_bins = n_bins;
         self.readings.clear();
         self.readings.reserve(MAX_READINGS);
+        self.cells.clear();
         self.cells.reserve(ZONES * MAX_BINS);
         self.builders.clear();
         self.builders.resize(ZONES * MAX_BINS, CellBuilder::default());
@@ -170,7 +171,6 @@ impl Band {
     }
 
     fn find_medians(&mut self) {
-        self.cells.clear();
         for (cell, builder) in self.builders.iter_mut().enumerate() {
             if builder.n < MIN_CELL_READINGS {
                 continue;

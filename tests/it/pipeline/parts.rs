@@ -58,9 +58,9 @@ impl Estimator for CountingEstimator {
         true
     }
 
-    fn solve(&self) -> RigCalibration {
+    fn solve_while(&self, _: &dyn Fn() -> bool) -> Option<RigCalibration> {
         let state = if self.sets >= self.converging_at { State::Converged } else { State::Collecting };
-        calibration(state, self.sets as usize)
+        Some(calibration(state, self.sets as usize))
     }
 }
 
@@ -79,11 +79,11 @@ impl Estimator for BlockingEstimator {
         true
     }
 
-    fn solve(&self) -> RigCalibration {
+    fn solve_while(&self, _: &dyn Fn() -> bool) -> Option<RigCalibration> {
         self.0.is_solving.store(true, Ordering::SeqCst);
         while !self.0.is_open.load(Ordering::SeqCst) {
             std::thread::sleep(Duration::from_millis(1));
         }
-        calibration(State::Converged, 1)
+        Some(calibration(State::Converged, 1))
     }
 }

@@ -1,0 +1,82 @@
+//! Evidence that cannot fix the rig gives a reason, never a pose called converged.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::poses::solved;
+use super::room::{Random, edges, frame_sets, frame_sets_along, room, world_from_rig};
+use crate::geometry::CameraView;
+use crate::geometry::motion::Motion;
+use crate::solver::{ReasonCode, State};
+
+fn pair() -> [Motion; 2] {
+    [Motion::identity(), Motion::new(Vector3::new(0.3, 0.0, 0.05), Vector3::new(0.05, 0.7, 0.0))]
+}
+
+#[track_caller]
+fn check_not_converged(sets: &[Vec<Option<CameraView>>], codes: &[ReasonCode]) {
+    let calibration = solved(sets[0].len(), sets);
+    assert_ne!(calibration.state, State::Converged);
+    let reason = calibration.reason.expect("a reason");
+    assert!(codes.contains(&reason.code), "{reason:?}");
+    assert!(reason.sentence.len() > 20, "the sentence explains: {reason:?}");
+}
+
+#[test]
+fn parallel_edges_fix_no_pose_while_the_rig_does_not_turn() {
+    let mut random = Random::named("parallel");
+    let room = edges(&mut random, 50, |_, _| Vector3::new(0.3, 1.0, 0.2));
+    let path: Vec<Motion> = (0..12)
+        .map(|_| Motion::from_parts(world_from_rig(&mut random).translation, UnitQuaternion::identity()))
+        .collect();
+    let sets = frame_sets_along(&mut random, &room, &pair(), &path);
+    check_not_converged(
+        &sets,
+        &[ReasonCode::AxisUnobservable, ReasonCode::RunnerUpTooClose, ReasonCode::NotEnoughEvidence],
+    );
+}
+
+#[test]
+fn a_rig_that_stands_still_brings_no_new_evidence() {
+    let mut random = Random::named("still");
+    let room = room(&mut random, 60);
+    let set = frame_sets(&mut random, &room, &pair(), 1);
+    let again: Vec<_> = set.iter().cycle().take(20).cloned().collect();
+    check_not_converged(&again, &[ReasonCode::NotEnoughEvidence]);
+    assert_eq!(solved(2, &again).frame_sets_used, 1);
+}
+
+#[test]
+fn cameras_in_different_rooms_never_converge() {
+    for trial in 0..6 {
+        let mut random = Random::named(&format!("different rooms {trial}"));
+        let (one, other) = (room(&mut random, 60), room(&mut random, 60));
+        let mut sets = frame_sets(&mut random, &one, &pair(), 12);
+        for (set, unrelated) in sets.iter_mut().zip(frame_sets(&mut random, &other, &pair(), 12)) {
+            set[1].clone_from(&unrelated[1]);
+        }
+        check_not_converged(&sets, &ReasonCode::ALL);
+    }
+}
+
+#[test]
+fn one_camera_has_nothing_to_calibrate() {
+    let mut random = Random::named("one camera");
+    let room = room(&mut random, 20);
+    check_not_converged(&frame_sets(&mut random, &room, &pair()[..1], 3), &[ReasonCode::OneCamera]);
+}
+
+#[test]
+fn no_line_at_all_says_so() {
+    check_not_converged(&vec![vec![Some(CameraView::default()); 2]; 4], &[ReasonCode::NoLines]);
+}
+
+#[test]
+fn a_camera_that_never_comes_leaves_the_others_their_result() {
+    let mut random = Random::named("absent camera");
+    let room = room(&mut random, 60);
+    let mut sets = frame_sets(&mut random, &room, &pair(), 12);
+    sets.iter_mut().for_each(|set| set.push(None));
+    let calibration = solved(3, &sets);
+    assert_ne!(calibration.state, State::Converged);
+    assert!(calibration.cameras[1].is_some() && calibration.cameras[2].is_none());
+}

@@ -1,0 +1,6 @@
+//! The estimator on rooms of lines with known truth: no images, the noise exactly as the observations say.
+
+mod degenerate;
+mod honesty;
+mod poses;
+mod room;
