@@ -121,6 +121,7 @@ fn stages(pipeline: &Snapshot) -> Vec<StageLatency> {
         stage: stage.to_owned(),
         p50_ns: (summary.p50_ms * 1e6) as u64,
         p99_ns: (summary.p99_ms * 1e6) as u64,
+        total_ns: (summary.mean_ms * summary.count as f64 * 1e6) as u64,
     };
     let all = [
         ("frame_to_set", latencies.frame_to_set),

@@ -66,7 +66,12 @@ fn health(sequence: u64) -> HealthMessage {
         last_frame_age_ns: Some(12),
         fps_hz: 30.0,
     };
-    let stage = StageLatency { stage: "detect".to_owned(), p50_ns: 3_000_000, p99_ns: 6_000_000 };
+    let stage = StageLatency {
+        stage: "detect".to_owned(),
+        p50_ns: 3_000_000,
+        p99_ns: 6_000_000,
+        total_ns: 90_000_000,
+    };
     HealthMessage { sequence, uptime_ns: 1, cameras: vec![camera], stages: vec![stage] }
 }
 
