@@ -150,11 +150,14 @@ impl Drop for Daemon {
 fn a_client_that_joins_after_the_result_gets_it() {
     let instance = unique_instance();
     let daemon = Daemon::start(&instance);
-    daemon.run(|server| {
+    let (done, is_done) = mpsc::channel();
+    daemon.run(move |server| {
         server.publish_calibration(&calibration(1)).expect("published");
         server.publish_calibration(&calibration(2)).expect("published");
         server.publish_health(&health(1)).expect("published");
+        done.send(()).expect("the test waits");
     });
+    is_done.recv().expect("published");
     let mut client = Client::connect(&instance).expect("the daemon runs");
     let newest = client.wait_calibration(PLENTY).expect("the daemon runs");
     assert_eq!(newest, Some(calibration(2)));
