@@ -37,7 +37,9 @@ pub fn run(output: Output) -> Result<Exit, CliError> {
     let interrupt = super::interrupt::Interrupt::register()?;
     let mut daemon = DaemonProcess::start(&instance)?;
     let mut client = daemon.connect(&instance, &interrupt)?;
-    let verdict = online::await_verdict(&mut client, &Wanted { after_sequence: 0, within: RESULT_WITHIN })?;
+    let mut verdict =
+        online::await_verdict(&mut client, &Wanted { after_sequence: 0, within: RESULT_WITHIN })?;
+    verdict.add_stage_times(&mut client)?;
     verdict.print(truth.as_deref(), output)
 }
 

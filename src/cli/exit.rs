@@ -46,7 +46,7 @@ impl From<&RigError> for Exit {
         match error {
             RigError::Capture(error) => Exit::from(error),
             RigError::NoCamera { .. } => Exit::Failed,
-            RigError::Reference { .. } => Exit::BadConfig,
+            RigError::Reference { .. } | RigError::TooLong { .. } => Exit::BadConfig,
         }
     }
 }

@@ -10,7 +10,9 @@ use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs
 use super::output::status::{AnswerDocument, StatusDocument};
 use super::{output, progress};
 use crate::geometry::motion::Motion;
-use crate::ipc::{Activity, CalibrationMessage, Client, InstanceName, Outcome, ProgressMessage, Response};
+use crate::ipc::{
+    Activity, CalibrationMessage, Client, HealthMessage, InstanceName, Outcome, ProgressMessage, Response,
+};
 use crate::solver::State;
 
 /// A daemon answers within milliseconds; one that is swapping or stopped gets this long.
@@ -93,7 +95,7 @@ pub struct Wanted {
 pub struct Verdict {
     newest: Option<CalibrationMessage>,
     progress: Option<ProgressMessage>,
-    waited: Duration,
+    timing_ms: TimingMs,
 }
 
 /// Waits until the daemon converges, stops collecting, or the time is up; Ctrl-C ends the wait as well.
@@ -104,7 +106,7 @@ pub fn await_verdict(client: &mut Client, wanted: &Wanted) -> Result<Verdict, Cl
     let interrupt = Interrupt::register()?;
     let start = Instant::now();
     let bar = progress::spinner("waiting for frames");
-    let mut verdict = Verdict { newest: None, progress: None, waited: Duration::ZERO };
+    let mut verdict = Verdict { newest: None, progress: None, timing_ms: TimingMs::default() };
     while !verdict.is_converged() && start.elapsed() < wanted.within && !interrupt.is_set() {
         if let Some(progress) = newest_progress(client)? {
             bar.set_message(output::status::progress_line(&progress));
@@ -118,7 +120,7 @@ pub fn await_verdict(client: &mut Client, wanted: &Wanted) -> Result<Verdict, Cl
         }
     }
     bar.finish_and_clear();
-    verdict.waited = start.elapsed();
+    verdict.timing_ms.total = Some(start.elapsed().as_secs_f64() * 1e3);
     Ok(verdict)
 }
 
@@ -141,16 +143,34 @@ impl Verdict {
         self.newest.as_ref().is_some_and(|message| message.calibration.state == State::Converged)
     }
 
+    /// Adds what the daemon's stages have taken since its start: right only for a daemon that was started for this result.
+    ///
+    /// # Errors
+    /// When the daemon ends meanwhile.
+    pub fn add_stage_times(&mut self, client: &mut Client) -> Result<(), CliError> {
+        let sequence = |health: Option<&HealthMessage>| health.map_or(0, |health| health.sequence);
+        // The last word may be older than the last solution.
+        let before = sequence(client.latest_health()?);
+        let start = Instant::now();
+        while sequence(client.latest_health()?) == before && start.elapsed() < ANSWER_WITHIN {
+            client.next_progress(GLANCE)?;
+        }
+        let stages = client.latest_health()?.map(|health| health.stages.clone()).unwrap_or_default();
+        let total = |name: &str| {
+            stages.iter().find(|stage| stage.stage == name).map(|stage| stage.total_ns as f64 * 1e-6)
+        };
+        (self.timing_ms.detect, self.timing_ms.lift) = (total("detect"), total("lift"));
+        self.timing_ms.estimate = total("solve");
+        Ok(())
+    }
+
     /// Prints the result, against the truth where it is known.
     ///
     /// # Errors
     /// When stdout cannot be written, or there is no result at all.
     pub fn print(&self, truth: Option<&[Motion]>, output: Output) -> Result<Exit, CliError> {
         let Some(message) = &self.newest else {
-            eprintln!(
-                "pelical: no result within {:.0} s: let the cameras see more edges, or wait longer",
-                self.waited.as_secs_f64()
-            );
+            eprintln!("pelical: no result in this time: let the cameras see more edges, or wait longer");
             return Ok(Exit::NoResult);
         };
         let counts = self.progress.as_ref().map(|progress| progress.frame_sets).unwrap_or_default();
@@ -162,8 +182,7 @@ impl Verdict {
                 used: message.calibration.frame_sets_used as u64,
                 refused: counts.refused,
             },
-            // A live daemon measures per frame, not per run.
-            timing_ms: TimingMs { total: Some(self.waited.as_secs_f64() * 1e3), ..TimingMs::default() },
+            timing_ms: self.timing_ms,
             truth,
         });
         if output.json {

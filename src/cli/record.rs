@@ -10,7 +10,7 @@ use super::interrupt::Interrupt;
 use super::{output, progress};
 use crate::capture::writer::RecordingWriter;
 use crate::capture::{CameraInfo, CaptureError, FrameSource, RgbdFrame};
-use crate::service::config::{self, CameraChoice};
+use crate::service::config;
 
 /// How long one wait for a frame may take before signals are looked at again.
 const POLL: Duration = Duration::from_millis(100);
@@ -33,11 +33,9 @@ pub fn run(args: &RecordArgs) -> Result<(), CliError> {
     let factory = config.cameras.factory()?;
     let chosen = config.cameras.rig(factory.as_ref())?;
     let sources = chosen.iter().map(|camera| factory.open(&camera.serial)).collect::<Result<Vec<_>, _>>()?;
-    let info = |(source, camera): (&Box<dyn FrameSource>, &CameraChoice)| CameraInfo {
-        name: camera.name.clone(),
-        ..source.info().clone()
-    };
-    let rig: Vec<CameraInfo> = sources.iter().zip(&chosen).map(info).collect();
+    let rig: Vec<CameraInfo> = (sources.iter().zip(&chosen))
+        .map(|(source, camera)| CameraInfo { name: camera.name.clone(), ..source.info().clone() })
+        .collect();
     let source = format!("pelical record, back end {}", factory.name());
     // Exit code 65 is for input; this folder is output.
     let mut writer = RecordingWriter::create(&args.folder, &rig, "", &source)

@@ -169,4 +169,6 @@ pub struct StageLatency {
     pub p50_ns: u64,
     /// 99 of 100 runs took at most this long, ns.
     pub p99_ns: u64,
+    /// All runs since the start together, ns.
+    pub total_ns: u64,
 }

@@ -68,7 +68,8 @@ impl ProgressTeller {
 pub struct HealthTeller {
     sequence: u64,
     started: Instant,
-    last: Instant,
+    /// When health was told last.
+    last: Option<Instant>,
     /// Frames of each camera at the last message.
     frames: Vec<u64>,
 }
@@ -76,7 +77,7 @@ pub struct HealthTeller {
 impl HealthTeller {
     /// Health is told from now on.
     pub fn new(now: Instant) -> Self {
-        Self { sequence: 0, started: now, last: now, frames: Vec::new() }
+        Self { sequence: 0, started: now, last: None, frames: Vec::new() }
     }
 
     /// Since the daemon started.
@@ -86,13 +87,13 @@ impl HealthTeller {
 
     /// Whether it is time for the next message.
     pub fn is_due(&self, interval: Duration) -> bool {
-        self.last.elapsed() >= interval
+        self.last.is_none_or(|last| last.elapsed() >= interval)
     }
 
     /// The message about the pipeline as it is now.
     pub fn message(&mut self, pipeline: &Snapshot) -> HealthMessage {
-        let elapsed_s = self.last.elapsed().as_secs_f64().max(1e-3);
-        self.last = Instant::now();
+        let elapsed_s = self.last.unwrap_or(self.started).elapsed().as_secs_f64().max(1e-3);
+        self.last = Some(Instant::now());
         self.sequence += 1;
         let before = |index: usize| self.frames.get(index).copied().unwrap_or(0);
         let health = |(index, camera): (usize, &CameraSnapshot)| CameraHealth {
@@ -121,6 +122,7 @@ fn stages(pipeline: &Snapshot) -> Vec<StageLatency> {
         stage: stage.to_owned(),
         p50_ns: (summary.p50_ms * 1e6) as u64,
         p99_ns: (summary.p99_ms * 1e6) as u64,
+        total_ns: (summary.mean_ms * summary.count as f64 * 1e6) as u64,
     };
     let all = [
         ("frame_to_set", latencies.frame_to_set),

@@ -194,6 +194,52 @@ fn what_the_daemon_cannot_start_with_is_said_at_once() {
 }
 
 #[test]
+fn without_a_journal_the_log_goes_to_stderr_and_says_so() {
+    if std::path::Path::new("/run/systemd/journal/socket").exists() {
+        return;
+    }
+    let env = TestEnv::new();
+    let fixture = Fixture::new(2);
+    let config = env.config(&format!("log: {{format: journald}}\n{}", replay(fixture.path(), true)));
+    let daemon = env.start_daemon(&config);
+    poll(|| daemon.talk().contains("logging to stderr instead").then_some(())).expect("a warning");
+    daemon.signal("TERM");
+    daemon.wait().expect_code(0);
+}
+
+#[test]
+fn the_demo_agrees_with_its_truth_and_leaves_no_daemon() {
+    let env = TestEnv::new();
+    let ended = env.pelical(&["demo", "--json"]).expect_code(0);
+    let document = ended.json();
+    assert_eq!((&document["state"], &document["reference"]), (&"converged".into(), &"front".into()));
+    for entry in document["truth"].as_array().unwrap() {
+        assert!(entry["rotation_error_deg"].as_f64().unwrap() < 0.2, "{entry}");
+        assert!(entry["translation_error_mm"].as_f64().unwrap() < 5.0, "{entry}");
+    }
+    assert_eq!(document["truth"].as_array().unwrap().len(), 2);
+    env.pelical(&["status", "--instance", &demo_instance(&ended.stderr)]).expect_code(3);
+}
+
+#[test]
+fn a_killed_demo_takes_its_daemon_along() {
+    let env = TestEnv::new();
+    let demo = env.start_pelical(&["demo"]);
+    let instance =
+        poll(|| Some(demo_instance(&demo.talk())).filter(|name| !name.is_empty())).expect("its name");
+    let code = || env.pelical(&["status", "--instance", &instance]).code;
+    poll(|| (code() == 0).then_some(())).expect("the demo's daemon answers");
+    demo.signal("KILL");
+    demo.wait();
+    poll(|| (code() == 3).then_some(())).expect("the demo's daemon ends");
+}
+
+fn demo_instance(talk: &str) -> String {
+    let name = talk.split("instance ").nth(1).and_then(|rest| rest.split_whitespace().next());
+    name.unwrap_or_default().to_owned()
+}
+
+#[test]
 fn the_log_is_json_when_asked() {
     let env = TestEnv::new();
     let fixture = Fixture::new(2);

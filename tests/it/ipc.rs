@@ -66,7 +66,12 @@ fn health(sequence: u64) -> HealthMessage {
         last_frame_age_ns: Some(12),
         fps_hz: 30.0,
     };
-    let stage = StageLatency { stage: "detect".to_owned(), p50_ns: 3_000_000, p99_ns: 6_000_000 };
+    let stage = StageLatency {
+        stage: "detect".to_owned(),
+        p50_ns: 3_000_000,
+        p99_ns: 6_000_000,
+        total_ns: 90_000_000,
+    };
     HealthMessage { sequence, uptime_ns: 1, cameras: vec![camera], stages: vec![stage] }
 }
 
@@ -145,11 +150,14 @@ impl Drop for Daemon {
 fn a_client_that_joins_after_the_result_gets_it() {
     let instance = unique_instance();
     let daemon = Daemon::start(&instance);
-    daemon.run(|server| {
+    let (done, is_done) = mpsc::channel();
+    daemon.run(move |server| {
         server.publish_calibration(&calibration(1)).expect("published");
         server.publish_calibration(&calibration(2)).expect("published");
         server.publish_health(&health(1)).expect("published");
+        done.send(()).expect("the test waits");
     });
+    is_done.recv().expect("published");
     let mut client = Client::connect(&instance).expect("the daemon runs");
     let newest = client.wait_calibration(PLENTY).expect("the daemon runs");
     assert_eq!(newest, Some(calibration(2)));

@@ -61,6 +61,8 @@ pub struct StageStatus {
     pub p50_ms: f64,
     /// 99 of 100 are not longer.
     pub p99_ms: f64,
+    /// All runs together.
+    pub total_ms: f64,
 }
 
 /// `pelical.answer/1`.
@@ -108,7 +110,12 @@ impl From<&CameraHealth> for CameraStatus {
 impl From<&StageLatency> for StageStatus {
     fn from(stage: &StageLatency) -> Self {
         let ms = |ns: u64| ns as f64 * 1e-6;
-        Self { stage: stage.stage.clone(), p50_ms: ms(stage.p50_ns), p99_ms: ms(stage.p99_ns) }
+        Self {
+            stage: stage.stage.clone(),
+            p50_ms: ms(stage.p50_ns),
+            p99_ms: ms(stage.p99_ns),
+            total_ms: ms(stage.total_ns),
+        }
     }
 }
 

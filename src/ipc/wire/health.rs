@@ -42,7 +42,7 @@ pub struct HealthWire {
 pub struct CameraHealthWire {
     /// Name from the config.
     pub name: FixedText<MAX_NAME_BYTES>,
-    /// 1 waiting, 2 streaming, 3 stalled, 4 unplugged, 5 failed.
+    /// 1 waiting, 2 streaming, 3 stalled, 4 unplugged, 5 failed, 6 ended.
     pub state: u32,
     /// Frames it delivered.
     pub frames: u64,
@@ -67,6 +67,8 @@ pub struct StageWire {
     pub p50_ns: u64,
     /// ns.
     pub p99_ns: u64,
+    /// ns.
+    pub total_ns: u64,
 }
 
 const NO_CAMERA: CameraHealthWire = CameraHealthWire {
@@ -78,7 +80,8 @@ const NO_CAMERA: CameraHealthWire = CameraHealthWire {
     fps_hz: 0.0,
 };
 
-const NO_STAGE: StageWire = StageWire { stage: FixedText::EMPTY, reserved: 0, p50_ns: 0, p99_ns: 0 };
+const NO_STAGE: StageWire =
+    StageWire { stage: FixedText::EMPTY, reserved: 0, p50_ns: 0, p99_ns: 0, total_ns: 0 };
 
 impl TryFrom<&HealthMessage> for HealthWire {
     type Error = WireError;
@@ -110,6 +113,7 @@ impl TryFrom<&HealthMessage> for HealthWire {
                 reserved: 0,
                 p50_ns: stage.p50_ns,
                 p99_ns: stage.p99_ns,
+                total_ns: stage.total_ns,
             };
         }
         HealthMessage::try_from(&wire)?;
@@ -145,5 +149,10 @@ fn camera_of(wire: &CameraHealthWire) -> Result<CameraHealth, WireError> {
 }
 
 fn stage_of(wire: &StageWire) -> Result<StageLatency, WireError> {
-    Ok(StageLatency { stage: wire.stage.text("stage name")?, p50_ns: wire.p50_ns, p99_ns: wire.p99_ns })
+    Ok(StageLatency {
+        stage: wire.stage.text("stage name")?,
+        p50_ns: wire.p50_ns,
+        p99_ns: wire.p99_ns,
+        total_ns: wire.total_ns,
+    })
 }

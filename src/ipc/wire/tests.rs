@@ -73,7 +73,7 @@ fn health() -> HealthMessage {
         sequence: 1,
         uptime_ns: 2,
         cameras: vec![camera(CameraState::Streaming, Some(0)), camera(CameraState::Waiting, None)],
-        stages: vec![StageLatency { stage: "detect".to_owned(), p50_ns: 4, p99_ns: 5 }],
+        stages: vec![StageLatency { stage: "detect".to_owned(), p50_ns: 4, p99_ns: 5, total_ns: 6 }],
     }
 }
 
@@ -106,7 +106,7 @@ fn the_layouts_are_frozen() {
     assert_eq!(size_of::<ProgressWire>(), 240);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 88);
     assert_eq!(offset_of!(ProgressWire, cameras), 112);
-    assert_eq!(size_of::<HealthWire>(), 32 + 16 * 72 + 8 * 56);
+    assert_eq!(size_of::<HealthWire>(), 32 + 16 * 72 + 8 * 64);
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
     assert_eq!(size_of::<RequestWire>(), 16);

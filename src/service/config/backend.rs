@@ -6,6 +6,7 @@ use crate::capture::replay::ReplayFactory;
 use crate::capture::synthetic::SyntheticFactory;
 use crate::capture::{CameraInfo, CaptureError, DeviceFactory};
 use crate::geometry::motion::Motion;
+use crate::ipc::MAX_NAME_BYTES;
 
 /// Why the cameras of the config cannot form a rig with this back end.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +19,14 @@ pub enum RigError {
     NoCamera {
         /// Name of the back end.
         backend: &'static str,
+    },
+    /// A name or serial number of the back end has no room in shared memory.
+    #[error(
+        "\"{text}\" is longer than {MAX_NAME_BYTES} bytes: list the cameras under shorter names in cameras.list"
+    )]
+    TooLong {
+        /// The name or serial number.
+        text: String,
     },
     /// The reference is not a camera of the rig.
     #[error("cameras.reference: \"{reference}\" is not a camera of the rig; allowed are {names}")]
@@ -55,6 +64,10 @@ impl CamerasConfig {
         }
         if rig.is_empty() {
             return Err(RigError::NoCamera { backend: factory.name() });
+        }
+        let texts = rig.iter().flat_map(|camera| [&camera.name, &camera.serial]);
+        if let Some(text) = texts.into_iter().find(|text| text.len() > MAX_NAME_BYTES) {
+            return Err(RigError::TooLong { text: text.clone() });
         }
         if let Some(reference) = &self.reference {
             let position = rig.iter().position(|camera| camera.name == *reference).ok_or_else(|| {

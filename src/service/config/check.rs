@@ -8,7 +8,7 @@ use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSecti
 use crate::capture::replay::{self, ReplayOptions};
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
-use crate::pipeline::PipelineOptions;
+use crate::pipeline::{MAX_CAMERAS, PipelineOptions};
 
 /// Everything the daemon needs to know, checked.
 #[derive(Debug, Clone)]
@@ -108,6 +108,10 @@ impl From<&ReplaySection> for ReplayOptions {
 }
 
 fn check_list(list: &[CameraEntry]) -> Result<(), Refusal> {
+    if list.len() > MAX_CAMERAS {
+        let what = format!("has {} cameras; at most {MAX_CAMERAS} are allowed", list.len());
+        return Err(Refusal::new("cameras.list", what));
+    }
     for (index, entry) in list.iter().enumerate() {
         let key = |key: &str| format!("cameras.list[{index}].{key}");
         if entry.name.is_empty() || entry.name.len() > MAX_NAME_BYTES {

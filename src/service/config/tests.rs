@@ -78,6 +78,8 @@ fn cameras_must_differ_and_the_reference_must_be_one_of_them() {
         &["c.yaml:4: cameras.list[1].serial", "earlier"],
     );
     check_refused(&two(left, "{name: up, serial: \"2\"}"), &["c.yaml:5: cameras.reference", "left, up"]);
+    let nine: String = (0..9).map(|n| format!("    - {{name: c{n}, serial: \"{n}\"}}\n")).collect();
+    check_refused(&format!("cameras:\n  list:\n{nine}"), &["c.yaml:2: cameras.list", "at most 8"]);
     check_refused(&two(left, "{name: right}"), &["c.yaml:4: cameras.list[1]", "missing key `serial`"]);
 }
 
