@@ -39,24 +39,6 @@ pub fn match_residual(
     Some(moved.carry(residual, d_residual_d_ends, &target.covariance))
 }
 
-/// The same with an unlifted target: only the offsets count, the inverse depths are left out (zero residual and derivative,
-/// unit covariance). This is the paper's PnL case (eq. 6).
-pub fn offset_residual(
-    target: &LineObservation,
-    source: &EvidenceLine,
-    target_from_source: &Motion,
-) -> Option<MatchResidual> {
-    let moved = Moved::new(source, target_from_source);
-    let predicted = Predicted::new(&moved.ends_m, target)?;
-    let mut residual = predicted.values;
-    let mut d_residual_d_ends = predicted.d_values_d_ends;
-    residual.rows_mut(2, 2).fill(0.0);
-    d_residual_d_ends.rows_mut(2, 2).fill(0.0);
-    let across = target.sigma_across * target.sigma_across;
-    let own = Matrix4::from_diagonal(&Vector4::new(across, across, 1.0, 1.0));
-    Some(moved.carry(residual, d_residual_d_ends, &own))
-}
-
 /// The source line in the target's frame.
 struct Moved<'a> {
     source: &'a EvidenceLine,
@@ -81,17 +63,16 @@ impl<'a> Moved<'a> {
         d_residual_d_ends: SMatrix<f64, 4, 6>,
         own_covariance: &Matrix4<f64>,
     ) -> MatchResidual {
-        let by_measurement = self.source.d_ends_d_measurement();
         let mut d_residual_d_pose = Matrix4x6::zeros();
         let mut d_residual_d_source = Matrix4::zeros();
-        for i in 0..2 {
+        for (i, by_measurement) in self.source.d_ends_d_measurement().iter().enumerate() {
             let by_end = d_residual_d_ends.fixed_view::<4, 3>(0, 3 * i);
             let mut translation = d_residual_d_pose.fixed_view_mut::<4, 3>(0, 0);
             translation += by_end;
             let mut rotation = d_residual_d_pose.fixed_view_mut::<4, 3>(0, 3);
             // exp(dr) R X = R X + dr × R X.
             rotation -= by_end * hat(&self.turned_m[i]);
-            d_residual_d_source += by_end * self.rotation * by_measurement[i];
+            d_residual_d_source += by_end * self.rotation * by_measurement;
         }
         let covariance =
             own_covariance + d_residual_d_source * self.source.covariance * d_residual_d_source.transpose();

@@ -14,12 +14,14 @@ pub struct TextFile {
 }
 
 impl TextFile {
+    /// Whether it holds tests and nothing else.
+    pub fn is_test(&self) -> bool {
+        self.path.starts_with("tests/") || self.path.ends_with("/tests.rs") || self.path.contains("/tests/")
+    }
+
     /// What the compiler sees of it outside tests; empty for a file of tests.
     pub fn code(&self) -> String {
-        let is_test = self.path.starts_with("tests/")
-            || self.path.ends_with("/tests.rs")
-            || self.path.contains("/tests/");
-        if is_test { String::new() } else { without_test_modules(&without_comments(&self.text)) }
+        if self.is_test() { String::new() } else { without_test_modules(&without_comments(&self.text)) }
     }
 }
 

@@ -43,7 +43,7 @@ fn cameras_turned_far_apart_are_found() {
 #[test]
 fn cameras_that_look_away_from_each_other_are_found() {
     // Few edges are long enough to run through both views.
-    check_pair(("looking away", 200), [0.05, 0.1, -0.3], [5.0, 120.0, -10.0]);
+    check_pair(("looking away", 300), [0.05, 0.1, -0.3], [5.0, 120.0, -10.0]);
 }
 
 #[test]
