@@ -39,8 +39,11 @@ fn check_term((key, operator, _): (&str, &str, &str)) -> Result<(), String> {
     }
 }
 
+/// Key, operator and value.
+type Term<'a> = (&'a str, &'a str, &'a str);
+
 /// Every rule as its terms; errors name the line.
-fn parse_rules(text: &str) -> Result<Vec<Vec<(&str, &str, &str)>>, String> {
+fn parse_rules(text: &str) -> Result<Vec<Vec<Term<'_>>>, String> {
     let mut rules = Vec::new();
     for (index, line) in text.lines().enumerate() {
         if line.is_empty() || line.starts_with('#') {
