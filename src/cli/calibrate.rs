@@ -9,11 +9,11 @@ use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs
 use super::{output, progress};
 use crate::capture::recording::Recording;
 use crate::capture::{CaptureError, RgbdFrame};
-use crate::geometry::Camera;
 use crate::ipc::CameraIdentity;
 use crate::pipeline::PipelineOptions;
 use crate::pipeline::offline::{self, FrameSetReader, OfflineProgress, OfflineRun};
 use crate::service::config;
+use crate::solver::RigCamera;
 
 /// Calibrates and prints the result.
 ///
@@ -65,7 +65,9 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
 }
 
 fn run_offline(recording: &Recording, options: &PipelineOptions) -> Result<OfflineRun, CliError> {
-    let cameras: Vec<Camera> = recording.cameras().iter().map(|info| info.camera).collect();
+    let cameras =
+        recording.cameras().iter().map(|info| RigCamera { name: info.name.clone(), camera: info.camera });
+    let cameras: Vec<RigCamera> = cameras.collect();
     let bar = progress::bar(Some(recording.frame_sets().len() as u64), "frame sets");
     let mut sets = RecordedSets { recording, next: 0 };
     let run = offline::run_offline(&mut sets, &cameras, options, &mut |progress| match progress {
