@@ -49,6 +49,7 @@ fn a_daemon_answers_and_stops_cleanly_on_either_signal() {
         assert_eq!(status["schema"], "pelical.status/1");
         assert_eq!(status["instance"], env.instance.as_str());
         assert_eq!(status["cameras"][0]["name"], "left");
+        assert!(status["frame_sets"]["dropped"].is_u64(), "{status}");
         let text = env.pelical(&["status"]).expect_code(0).stdout;
         assert!(text.contains("streaming"), "{text}");
         daemon.signal(signal);
