@@ -41,9 +41,6 @@ fn check_term((key, operator, _): Term<'_>) -> Result<(), String> {
     }
 }
 
-/// Key, operator and value.
-type Term<'a> = (&'a str, &'a str, &'a str);
-
 /// Every rule as its terms; errors name the line.
 fn parse_rules(text: &str) -> Result<Vec<Vec<Term<'_>>>, String> {
     let mut rules = Vec::new();
