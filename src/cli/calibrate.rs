@@ -8,10 +8,9 @@ use super::exit::Exit;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::{output, progress};
 use crate::capture::recording::Recording;
-use crate::capture::{CaptureError, RgbdFrame};
 use crate::ipc::CameraIdentity;
 use crate::pipeline::PipelineOptions;
-use crate::pipeline::offline::{self, FrameSetReader, OfflineProgress, OfflineRun};
+use crate::pipeline::offline::{self, OfflineProgress, OfflineRun, RecordedSets};
 use crate::service::config;
 use crate::solver::RigCamera;
 
@@ -69,28 +68,11 @@ fn run_offline(recording: &Recording, options: &PipelineOptions) -> Result<Offli
         recording.cameras().iter().map(|info| RigCamera { name: info.name.clone(), camera: info.camera });
     let cameras: Vec<RigCamera> = cameras.collect();
     let bar = progress::bar(Some(recording.frame_sets().len() as u64), "frame sets");
-    let mut sets = RecordedSets { recording, next: 0 };
+    let mut sets = RecordedSets::new(recording);
     let run = offline::run_offline(&mut sets, &cameras, options, &mut |progress| match progress {
         OfflineProgress::Set(counts) => bar.set_position(counts.seen as u64),
         OfflineProgress::Solving => bar.set_message("solving"),
     });
     bar.finish_and_clear();
     Ok(run?)
-}
-
-/// The frame sets of a recording in their order.
-struct RecordedSets<'a> {
-    recording: &'a Recording,
-    next: usize,
-}
-
-impl FrameSetReader for RecordedSets<'_> {
-    fn next_set(&mut self, frames: &mut [RgbdFrame]) -> Result<bool, CaptureError> {
-        let Some(stamps) = self.recording.frame_sets().get(self.next) else { return Ok(false) };
-        self.next += 1;
-        for (camera_idx, (stamp, frame)) in stamps.iter().zip(frames).enumerate() {
-            self.recording.read_frame(camera_idx, *stamp, frame)?;
-        }
-        Ok(true)
-    }
 }

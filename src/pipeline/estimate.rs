@@ -174,7 +174,7 @@ impl EstimateStage {
         };
         if is_wanted {
             let Evidence { newest_stamp, seen: sets_seen, .. } = self.evidence;
-            let solved = Solved { calibration, newest_stamp, sets_seen, took };
+            let solved = Solved { calibration, newest_stamp, sets_seen, took, round };
             self.shared.tell_surely(PipelineEvent::Calibration(Box::new(solved)));
         }
     }

@@ -152,9 +152,9 @@ impl Daemon {
     /// Listens to both sides until there is a reason to end.
     fn serve(&mut self, live: &Live<'_>, stop: &Stop) -> End {
         while !stop.is_set() {
-            // Waiting for the first, then taking what else has come meanwhile.
+            // Waiting for the first, then taking what else has come meanwhile; no flood keeps clients waiting.
             let first = live.events.recv_timeout(POLL).ok();
-            for event in first.into_iter().chain(live.events.try_iter()) {
+            for event in first.into_iter().chain(live.events.try_iter().take(EVENT_QUEUE)) {
                 match event {
                     PipelineEvent::Bug { thread } => return End::Bug { thread },
                     event => self.handle(event, live),
@@ -192,6 +192,8 @@ impl Daemon {
                 let message = self.progress.message(&progress, self.identities.len(), self.life.state());
                 self.note(live.server.publish_progress(&message));
             }
+            // One that was under way when a client asked for a new calibration is not the answer to that.
+            PipelineEvent::Calibration(solved) if solved.round != live.pipeline.round() => {}
             PipelineEvent::Calibration(solved) => self.publish(*solved, live),
             // The pipeline has logged it, health tells it, and a bug has ended the loop.
             PipelineEvent::Camera { .. } | PipelineEvent::Bug { .. } => {}
