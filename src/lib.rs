@@ -11,9 +11,9 @@
 //! use pelical::pipeline::offline::{RecordedSets, run_offline};
 //!
 //! let recording = Recording::open("my_recording".as_ref())?;
-//! let cameras: Vec<_> = recording.cameras().iter().map(|info| info.camera).collect();
 //! let mut sets = RecordedSets::new(&recording);
-//! let run = run_offline(&mut sets, &cameras, &PipelineOptions::default(), &mut |_| {})?;
+//! let rig = sets.rig();
+//! let run = run_offline(&mut sets, &rig, &PipelineOptions::default(), &mut |_| {})?;
 //! println!("{}", run.calibration.state.name());
 //! for (info, pose) in recording.cameras().iter().zip(&run.calibration.cameras) {
 //!     println!("{}: {:?}", info.name, pose.as_ref().map(|pose| pose.reference_from_camera));
