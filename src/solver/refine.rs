@@ -112,6 +112,12 @@ impl NormalEquations {
         sum
     }
 
+    /// The same with every weight multiplied by a factor.
+    pub fn scaled(self, factor: f64) -> Self {
+        let Self { cost, information, gradient } = self;
+        Self { cost: cost * factor, information: information * factor, gradient: gradient * factor }
+    }
+
     fn step(&self, damping: f64) -> Option<Vector6<f64>> {
         let mut damped = self.information;
         for axis in 0..6 {

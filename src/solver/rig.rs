@@ -181,7 +181,8 @@ impl RigEstimator {
             target_from_source: best.refined.target_from_source,
             score: best.score,
             equations: Box::new(move |pose: &Motion| {
-                NormalEquations::at(&scene, &matches, pose, noise_scale)
+                // As in the verdict on the pair: excess noise does not average out.
+                NormalEquations::at(&scene, &matches, pose, noise_scale).scaled(noise_scale.powi(-2))
             }),
         })
     }

@@ -122,7 +122,8 @@ fn lead(bench: &Bench<'_>) -> Objection {
 }
 
 fn observability(bench: &Bench<'_>) -> Objection {
-    let Some(covariance) = covariance(&bench.ranking.best.refined) else {
+    let best = &bench.ranking.best;
+    let Some(covariance) = covariance(&best.refined, best.noise_scale) else {
         let sentence =
             "the matched lines fix no pose: all are parallel or meet in one point; show edges in at least \
                         two directions"
@@ -167,7 +168,8 @@ fn halves(bench: &Bench<'_>) -> Objection {
         refine(&bench.scene, &half, &best.refined.target_from_source, (best.noise_scale, TO_THE_MINIMUM))
     });
     let gap = gap(&first, &second);
-    let spread = covariance(&first).zip(covariance(&second)).map(|(a, b)| a + b);
+    let spread =
+        covariance(&first, best.noise_scale).zip(covariance(&second, best.noise_scale)).map(|(a, b)| a + b);
     let Some(cholesky) = spread.and_then(Matrix6::cholesky) else {
         let sentence =
             "half of the matched lines alone fix no pose: move the rig and show more edges".to_owned();
@@ -211,8 +213,11 @@ fn gap(first: &Refined, second: &Refined) -> Vector6<f64> {
 }
 
 /// Covariance of the pose; `None` when the matches do not fix it.
-pub fn covariance(refined: &Refined) -> Option<Matrix6<f64>> {
-    let covariance = refined.information.cholesky()?.inverse();
+///
+/// The information counts the lines' noise scaled up by `noise_scale`. What a sensor is worse than its model (bent depth, wrong
+/// intrinsics) is alike in all lines and does not average out as noise does, so the factor is applied to the pose once more.
+pub fn covariance(refined: &Refined, noise_scale: f64) -> Option<Matrix6<f64>> {
+    let covariance = refined.information.cholesky()?.inverse() * (noise_scale * noise_scale);
     covariance.iter().all(|value| value.is_finite()).then_some(covariance)
 }
 
