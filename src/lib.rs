@@ -6,12 +6,15 @@
 //! # A recording, without a daemon
 //!
 //! ```no_run
+//! use pelical::capture::CameraInfo;
 //! use pelical::capture::recording::Recording;
 //! use pelical::pipeline::PipelineOptions;
 //! use pelical::pipeline::offline::{RecordedSets, run_offline};
+//! use pelical::solver::RigCamera;
 //!
 //! let recording = Recording::open("my_recording".as_ref())?;
-//! let cameras: Vec<_> = recording.cameras().iter().map(|info| info.camera).collect();
+//! let camera = |info: &CameraInfo| RigCamera { name: info.name.clone(), camera: info.camera };
+//! let cameras: Vec<RigCamera> = recording.cameras().iter().map(camera).collect();
 //! let mut sets = RecordedSets::new(&recording);
 //! let run = run_offline(&mut sets, &cameras, &PipelineOptions::default(), &mut |_| {})?;
 //! println!("{}", run.calibration.state.name());

@@ -8,11 +8,11 @@ use super::exit::Exit;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::{output, progress};
 use crate::capture::recording::Recording;
-use crate::geometry::Camera;
 use crate::ipc::CameraIdentity;
 use crate::pipeline::PipelineOptions;
 use crate::pipeline::offline::{self, OfflineProgress, OfflineRun, RecordedSets};
 use crate::service::config;
+use crate::solver::RigCamera;
 
 /// Calibrates and prints the result.
 ///
@@ -64,7 +64,9 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
 }
 
 fn run_offline(recording: &Recording, options: &PipelineOptions) -> Result<OfflineRun, CliError> {
-    let cameras: Vec<Camera> = recording.cameras().iter().map(|info| info.camera).collect();
+    let cameras =
+        recording.cameras().iter().map(|info| RigCamera { name: info.name.clone(), camera: info.camera });
+    let cameras: Vec<RigCamera> = cameras.collect();
     let bar = progress::bar(Some(recording.frame_sets().len() as u64), "frame sets");
     let mut sets = RecordedSets::new(recording);
     let run = offline::run_offline(&mut sets, &cameras, options, &mut |progress| match progress {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::capture::recording::Recording;
 use crate::capture::{CaptureError, RgbdFrame};
 use crate::geometry::{Camera, CameraView};
-use crate::solver::{RigCalibration, RigEstimator};
+use crate::solver::{RigCalibration, RigCamera, RigEstimator};
 
 use super::buffers::FoundLines;
 use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
@@ -101,7 +101,7 @@ pub struct OfflineRun {
 /// The first frame set that cannot be read.
 pub fn run_offline(
     sets: &mut dyn FrameSetReader,
-    cameras: &[Camera],
+    cameras: &[RigCamera],
     options: &PipelineOptions,
     progress: &mut dyn FnMut(OfflineProgress),
 ) -> Result<OfflineRun, CaptureError> {
@@ -170,9 +170,9 @@ struct Run {
 }
 
 impl Run {
-    fn new(cameras: &[Camera], options: &PipelineOptions) -> Self {
-        let of_camera = |camera: &Camera| CameraRun {
-            camera: *camera,
+    fn new(cameras: &[RigCamera], options: &PipelineOptions) -> Self {
+        let of_camera = |camera: &RigCamera| CameraRun {
+            camera: camera.camera,
             finder: SegmentLineFinder::new(options.detect, options.lift),
             found: FoundLines::default(),
             times: FindTimes::default(),
