@@ -6,17 +6,14 @@
 //! # A recording, without a daemon
 //!
 //! ```no_run
-//! use pelical::capture::CameraInfo;
 //! use pelical::capture::recording::Recording;
 //! use pelical::pipeline::PipelineOptions;
 //! use pelical::pipeline::offline::{RecordedSets, run_offline};
-//! use pelical::solver::RigCamera;
 //!
 //! let recording = Recording::open("my_recording".as_ref())?;
-//! let camera = |info: &CameraInfo| RigCamera { name: info.name.clone(), camera: info.camera };
-//! let cameras: Vec<RigCamera> = recording.cameras().iter().map(camera).collect();
 //! let mut sets = RecordedSets::new(&recording);
-//! let run = run_offline(&mut sets, &cameras, &PipelineOptions::default(), &mut |_| {})?;
+//! let rig = sets.rig();
+//! let run = run_offline(&mut sets, &rig, &PipelineOptions::default(), &mut |_| {})?;
 //! println!("{}", run.calibration.state.name());
 //! for (info, pose) in recording.cameras().iter().zip(&run.calibration.cameras) {
 //!     println!("{}: {:?}", info.name, pose.as_ref().map(|pose| pose.reference_from_camera));

@@ -12,7 +12,6 @@ use crate::ipc::CameraIdentity;
 use crate::pipeline::PipelineOptions;
 use crate::pipeline::offline::{self, OfflineProgress, OfflineRun, RecordedSets};
 use crate::service::config;
-use crate::solver::RigCamera;
 
 /// Calibrates and prints the result.
 ///
@@ -64,12 +63,10 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
 }
 
 fn run_offline(recording: &Recording, options: &PipelineOptions) -> Result<OfflineRun, CliError> {
-    let cameras =
-        recording.cameras().iter().map(|info| RigCamera { name: info.name.clone(), camera: info.camera });
-    let cameras: Vec<RigCamera> = cameras.collect();
     let bar = progress::bar(Some(recording.frame_sets().len() as u64), "frame sets");
     let mut sets = RecordedSets::new(recording);
-    let run = offline::run_offline(&mut sets, &cameras, options, &mut |progress| match progress {
+    let rig = sets.rig();
+    let run = offline::run_offline(&mut sets, &rig, options, &mut |progress| match progress {
         OfflineProgress::Set(counts) => bar.set_position(counts.seen as u64),
         OfflineProgress::Solving => bar.set_message("solving"),
     });

@@ -33,6 +33,12 @@ impl<'a> RecordedSets<'a> {
     pub fn new(recording: &'a Recording) -> Self {
         Self { recording, next: 0 }
     }
+
+    /// The recording's cameras as the estimator takes them.
+    pub fn rig(&self) -> Vec<RigCamera> {
+        let cameras = self.recording.cameras().iter();
+        cameras.map(|info| RigCamera { name: info.name.clone(), camera: info.camera }).collect()
+    }
 }
 
 impl FrameSetReader for RecordedSets<'_> {
