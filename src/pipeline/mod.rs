@@ -180,7 +180,8 @@ impl Pipeline {
         pipeline.add("sync".to_owned(), Box::new(sync))?;
         for (camera, slot) in cameras.into_iter().enumerate() {
             let (shared, reopen_after) = (Arc::clone(&shared), options.sync.reopen_after);
-            let name = format!("cap-{}", slot.name);
+            // The system takes no thread name with a zero in it.
+            let name = format!("cap-{}", slot.name.replace('\0', ""));
             let capture = CaptureLoop { shared, slot, camera, reopen_after };
             let handle = stage::spawn_body(name.clone(), &pipeline.shared, Box::new(|| capture.run()))?;
             pipeline.threads.push((name, handle));

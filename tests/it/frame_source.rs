@@ -49,6 +49,7 @@ fn next(case: &Case<'_>, source: &mut dyn FrameSource, frame: &mut RgbdFrame) ->
             Err(CaptureError::EndOfStream) => return None,
             Err(other) => panic!("{}: {other}", case.name),
         }
+        assert!(!frame.is_consistent(), "{}: an image although there is none", case.name);
     }
     panic!("{}: no frame after {MAX_CALLS} calls", case.name)
 }

@@ -320,5 +320,5 @@ fn in_real_time_frames_that_nobody_took_are_lost() {
 #[test]
 fn an_unknown_serial_is_told_what_there_is() {
     let error = SyntheticFactory::new(pair(d435i(), 13)).open("7").map(|_| ()).expect_err("no such camera");
-    assert!(error.to_string().contains("synthetic-01, synthetic-02"), "{error}");
+    assert!(error.to_string().contains("\"synthetic-01\", \"synthetic-02\""), "{error}");
 }

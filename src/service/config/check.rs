@@ -114,14 +114,8 @@ fn check_list(list: &[CameraEntry]) -> Result<(), Refusal> {
     }
     for (index, entry) in list.iter().enumerate() {
         let key = |key: &str| format!("cameras.list[{index}].{key}");
-        if entry.name.is_empty() || entry.name.len() > MAX_NAME_BYTES {
-            let what = format!("{:?}: allowed are 1 to {MAX_NAME_BYTES} bytes", entry.name);
-            return Err(Refusal::new(key("name"), what));
-        }
-        if entry.serial.0.is_empty() || entry.serial.0.len() > MAX_NAME_BYTES {
-            let what = format!("{:?}: allowed are 1 to {MAX_NAME_BYTES} bytes", entry.serial.0);
-            return Err(Refusal::new(key("serial"), what));
-        }
+        check_text(key("name"), &entry.name)?;
+        check_text(key("serial"), &entry.serial.0)?;
         if list[..index].iter().any(|earlier| earlier.name == entry.name) {
             let what =
                 format!("{:?} is the name of an earlier camera; every camera needs its own", entry.name);
@@ -133,6 +127,15 @@ fn check_list(list: &[CameraEntry]) -> Result<(), Refusal> {
         }
     }
     Ok(())
+}
+
+/// A name or serial number has to fit into shared memory, and into one line of any output.
+fn check_text(key: String, text: &str) -> Result<(), Refusal> {
+    if (1..=MAX_NAME_BYTES).contains(&text.len()) && !text.chars().any(char::is_control) {
+        return Ok(());
+    }
+    let what = format!("{text:?}: allowed are 1 to {MAX_NAME_BYTES} bytes without control characters");
+    Err(Refusal::new(key, what))
 }
 
 /// Names of an unlisted rig are known only when the back end has been asked.

@@ -60,6 +60,7 @@ fn values_out_of_range_say_line_key_and_range() {
         &["c.yaml:3: lines.min_length_px: 2", "10 to 1000"],
     );
     check_refused("estimate:\n  max_baseline_m: .nan\n", &["c.yaml:2: estimate.max_baseline_m: NaN"]);
+    check_refused("estimate:\n  max_baseline_m: 5.1\n", &["c.yaml:2: estimate.max_baseline_m: 5.1", "to 5"]);
     check_refused("instance: a/b\n", &["c.yaml:1: instance: ", "a-z, 0-9"]);
     check_refused(
         "sync: {max_skew_ms: 500, stalled_after_ms: 500}\n",
@@ -81,6 +82,10 @@ fn cameras_must_differ_and_the_reference_must_be_one_of_them() {
     let nine: String = (0..9).map(|n| format!("    - {{name: c{n}, serial: \"{n}\"}}\n")).collect();
     check_refused(&format!("cameras:\n  list:\n{nine}"), &["c.yaml:2: cameras.list", "at most 8"]);
     check_refused(&two(left, "{name: right}"), &["c.yaml:4: cameras.list[1]", "missing key `serial`"]);
+    for bad in ["\"\"", "\"a\\0b\"", "\"two\\nlines\"", "\"123456789012345678901234567890123\""] {
+        let camera = format!("{{name: {bad}, serial: \"2\"}}");
+        check_refused(&two(left, &camera), &["c.yaml:4: cameras.list[1].name", "32 bytes without control"]);
+    }
 }
 
 #[test]
