@@ -206,12 +206,12 @@ impl RigEstimator {
         if let Some(sentence) = self.loop_miss(pairs, joint) {
             return object(State::Failed, ReasonCode::LoopInconsistent, sentence);
         }
-        let camera = joint.poses.iter().position(Option::is_none)?;
-        // Of the pairs that could connect it, the one with most evidence tells best what is missing.
-        let weight = |pair: &&JudgedPair| pair.estimate.matches;
+        // Of the pairs that could connect another camera to the reference, none of which has converged, the one with most
+        // evidence tells best what is missing. There is none when every camera has its pose.
+        let has_pose = |camera: usize| joint.poses[camera].is_some();
         let joining =
-            pairs.iter().filter(|pair| pair.estimate.target == camera || pair.estimate.source == camera);
-        let estimate = &joining.max_by_key(weight)?.estimate;
+            pairs.iter().filter(|pair| has_pose(pair.estimate.target) != has_pose(pair.estimate.source));
+        let estimate = &joining.max_by_key(|pair| pair.estimate.matches)?.estimate;
         let reason = estimate.reason.clone()?;
         let (target, source) = (&self.names[estimate.target], &self.names[estimate.source]);
         object(estimate.state, reason.code, format!("{source} from {target}: {}", reason.sentence))

@@ -96,3 +96,18 @@ fn a_rig_of_three_is_joined_and_a_camera_without_shared_edges_is_left_out() {
     }
     assert!(calibration.reason.is_some_and(|reason| reason.sentence.contains("camera 3")));
 }
+
+#[test]
+fn a_pair_that_converges_apart_from_the_reference_is_no_converged_rig() {
+    let mut random = Random::named("apart from the reference");
+    let (here, elsewhere) = (room(&mut random, 60), room(&mut random, 60));
+    let target_from_source = Motion::new(Vector3::new(0.3, 0.1, -0.1), Vector3::new(0.1, 0.9, -0.3));
+    let mut sets = frame_sets(&mut random, &here, &[Motion::identity(), target_from_source], 14);
+    let lost = frame_sets(&mut random, &elsewhere, &[Motion::identity()], 14);
+    for (set, lost) in sets.iter_mut().zip(&lost) {
+        set.insert(0, lost[0].clone());
+    }
+    let calibration = solved(3, &sets);
+    assert!(calibration.pairs.iter().any(|pair| pair.state == State::Converged), "{:?}", calibration.pairs);
+    assert!(calibration.state != State::Converged && calibration.reason.is_some(), "{calibration:?}");
+}
