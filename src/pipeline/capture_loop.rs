@@ -41,6 +41,8 @@ impl CaptureLoop {
     /// Runs until the pipeline stops or the recording ends.
     pub(super) fn run(mut self) {
         let mut pause = BACKOFF.0;
+        // A camera that has never been there changes no state, but a wrong serial number should not go unsaid.
+        let mut was_told = false;
         while !self.shared.is_stopping() {
             let frames_before = self.frames();
             match self.open_and_stream() {
@@ -50,6 +52,10 @@ impl CaptureLoop {
                     return;
                 }
                 StreamEnd::Lost { state, detail } => {
+                    if state == CameraState::Waiting && !was_told {
+                        tracing::warn!(camera = self.slot.name, "camera is waited for: {detail}");
+                        was_told = true;
+                    }
                     self.shared.change_camera(self.camera, state, &detail);
                 }
             }

@@ -20,6 +20,15 @@ pub enum RigError {
         /// Name of the back end.
         backend: &'static str,
     },
+    /// One camera is no rig.
+    #[error(
+        "the rig has one camera, \"{name}\", and nothing to calibrate it against: at least two are needed; list them in \
+         cameras.list"
+    )]
+    OneCamera {
+        /// Its name.
+        name: String,
+    },
     /// A name or serial number of the back end has no room in shared memory.
     #[error(
         "\"{text}\" is longer than {MAX_NAME_BYTES} bytes: list the cameras under shorter names in cameras.list"

@@ -89,6 +89,9 @@ impl TryFrom<&CamerasSection> for CamerasConfig {
                 let what = "is missing: the back end `replay` needs the folder of a recording";
                 let recording = file.replay.recording.clone();
                 let recording = recording.ok_or_else(|| Refusal::new("cameras.replay.recording", what))?;
+                if recording.as_os_str().is_empty() {
+                    return Err(Refusal::new("cameras.replay.recording", what.replace("missing", "empty")));
+                }
                 BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))
             }
             Backend::Synthetic => BackendConfig::Synthetic(synthetic_options(&file.synthetic)?),
