@@ -48,7 +48,7 @@ impl From<&RigError> for Exit {
             RigError::NoCamera { .. } => Exit::Failed,
             RigError::Reference { .. } | RigError::TooLong { .. } | RigError::OneCamera { .. } => {
                 Exit::BadConfig
-            },
+            }
         }
     }
 }

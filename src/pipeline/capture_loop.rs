@@ -13,7 +13,7 @@ use super::event::CameraState;
 use super::shared::Shared;
 
 /// Longest wait inside a source: short, so that a stop is noticed even while a camera stalls.
-const FRAME_TIMEOUT: Duration = Duration::from_millis(100);
+pub const FRAME_TIMEOUT: Duration = Duration::from_millis(100);
 /// First and longest pause before a device is looked for again.
 const BACKOFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
 /// So many errors in a row without a frame are a failed camera: it is closed and opened again.

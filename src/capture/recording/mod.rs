@@ -142,9 +142,7 @@ fn read_text(file: &Path) -> Result<Option<String>, CaptureError> {
     let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&bytes);
     match std::str::from_utf8(text) {
         Ok(text) => Ok(Some(text.to_owned())),
-        Err(error) => {
-            Err(CaptureError::bad_data(file, format!("is not a text: {error}; UTF-8 is allowed")))
-        }
+        Err(error) => Err(CaptureError::bad_data(file, format!("is not a text: {error}; UTF-8 is allowed"))),
     }
 }
 
@@ -152,7 +150,9 @@ fn read_text(file: &Path) -> Result<Option<String>, CaptureError> {
 fn read_file(file: &Path, max_bytes: u64) -> Result<Option<Vec<u8>>, CaptureError> {
     let metadata = match fs::metadata(file) {
         Ok(metadata) => metadata,
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(None),
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(None);
+        }
         Err(error) => return Err(CaptureError::io(file, error)),
     };
     if !metadata.is_file() {

@@ -5,6 +5,7 @@ mod backend;
 mod check;
 mod convert;
 mod error;
+mod faults;
 mod locate;
 mod sections;
 mod serial;
@@ -16,6 +17,7 @@ use std::path::Path;
 pub use backend::RigError;
 pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
+pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
 

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::faults::FaultsSection;
 use super::serial::Serial;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::InstanceName;
@@ -103,6 +104,8 @@ pub struct CamerasSection {
     pub list: Vec<CameraEntry>,
     /// Name of the reference camera; `null` means the first.
     pub reference: Option<String>,
+    /// What the cameras suffer on purpose.
+    pub faults: FaultsSection,
 }
 
 impl Default for CamerasSection {
@@ -113,6 +116,7 @@ impl Default for CamerasSection {
             synthetic: SyntheticSection::default(),
             list: Vec::new(),
             reference: None,
+            faults: FaultsSection::default(),
         }
     }
 }
