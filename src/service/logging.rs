@@ -5,7 +5,6 @@ use std::io::IsTerminal;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt;
-use tracing_subscriber::fmt::format::{DefaultFields, Format};
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::registry::Registry;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -18,7 +17,7 @@ type BoxedLayer = Box<dyn Layer<Registry> + Send + Sync>;
 pub fn start(log: &LogSection) {
     let (layer, trouble) = match log.format {
         LogFormat::Human => (human(), None),
-        LogFormat::Json => (quiet().json().boxed(), None),
+        LogFormat::Json => (fmt::layer().json().with_writer(std::io::stderr).boxed(), None),
         LogFormat::Journald => match tracing_journald::layer() {
             Ok(layer) => (layer.with_syslog_identifier("pelicald".to_owned()).boxed(), None),
             Err(error) => (human(), Some(error)),
@@ -32,13 +31,10 @@ pub fn start(log: &LogSection) {
 
 fn human() -> BoxedLayer {
     let wants_color = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    quiet().with_ansi(wants_color && std::io::stderr().is_terminal()).boxed()
-}
-
-/// A layer that writes to stderr; it does not complain, by a panic, about a stderr whose reader has gone.
-fn quiet() -> fmt::Layer<Registry, DefaultFields, Format, fn() -> std::io::Stderr> {
-    let stderr: fn() -> std::io::Stderr = std::io::stderr;
-    fmt::layer().with_writer(stderr).log_internal_errors(false)
+    fmt::layer()
+        .with_writer(std::io::stderr)
+        .with_ansi(wants_color && std::io::stderr().is_terminal())
+        .boxed()
 }
 
 /// Our own events by the configured level; those of libraries only when they warn.
