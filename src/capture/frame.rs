@@ -50,4 +50,10 @@ impl RgbdFrame {
         let pixels = self.width * self.height;
         pixels > 0 && self.rgb.len() == 3 * pixels && self.depth.len() == pixels
     }
+
+    /// Whether it is a whole frame of this camera.
+    pub fn is_of(&self, camera: &Camera) -> bool {
+        let size = (camera.width_px() as usize, camera.height_px() as usize);
+        self.is_consistent() && (self.width, self.height) == size
+    }
 }

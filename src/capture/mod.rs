@@ -39,7 +39,7 @@ pub trait FrameSource: Send {
     fn info(&self) -> &CameraInfo;
 
     /// Overwrites `frame` with the next frame, waiting at most `timeout`. The buffers of `frame` are reused: after the first
-    /// frame of a stream nothing is allocated.
+    /// frame of a stream a live camera allocates nothing; one that decodes files or renders may.
     ///
     /// # Errors
     /// [`CaptureError::Timeout`] (call again), [`CaptureError::Unplugged`] (reopen later), [`CaptureError::EndOfStream`]

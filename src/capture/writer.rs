@@ -15,7 +15,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageResult};
 
 use super::recording::{
-    COLOR_FOLDER, DEPTH_FOLDER, FORMAT, GROUND_TRUTH_FILE, RECORDING_FILE, check_cameras, size_px,
+    COLOR_FOLDER, DEPTH_FOLDER, FORMAT, GROUND_TRUTH_FILE, RECORDING_FILE, check_cameras,
 };
 use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
 use crate::geometry::Distortion;
@@ -63,11 +63,14 @@ impl RecordingWriter {
     ) -> Result<Self, CaptureError> {
         check_cameras(cameras).map_err(|what| CaptureError::bad_data(folder, what))?;
         refuse_contents(folder)?;
+        let make = |folder: &Path| fs::create_dir(folder).map_err(|error| CaptureError::io(folder, error));
+        fs::create_dir_all(folder).map_err(|error| CaptureError::io(folder, error))?;
         for camera in cameras {
-            for kind in [COLOR_FOLDER, DEPTH_FOLDER] {
-                let images = folder.join(&camera.name).join(kind);
-                fs::create_dir_all(&images).map_err(|error| CaptureError::io(&images, error))?;
-            }
+            // Fails where it exists: somebody else has begun to write here since the folder was found empty.
+            let camera_folder = folder.join(&camera.name);
+            make(&camera_folder)?;
+            make(&camera_folder.join(COLOR_FOLDER))?;
+            make(&camera_folder.join(DEPTH_FOLDER))?;
         }
         Ok(Self {
             folder: folder.to_path_buf(),
@@ -154,8 +157,8 @@ impl RecordingWriter {
         }
         for (camera_idx, (frame, camera)) in frames.iter().zip(&self.cameras).enumerate() {
             let (name, stamp) = (&camera.name, frame.stamp.0);
-            if !frame.is_consistent() || (frame.width, frame.height) != size_px(&camera.camera) {
-                let (width, height) = size_px(&camera.camera);
+            if !frame.is_of(&camera.camera) {
+                let (width, height) = (camera.camera.width_px(), camera.camera.height_px());
                 return Err(format!(
                     "frame {stamp} of camera \"{name}\" is not a whole {width} x {height} image"
                 ));

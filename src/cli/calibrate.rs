@@ -8,11 +8,9 @@ use super::exit::Exit;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::{output, progress};
 use crate::capture::recording::Recording;
-use crate::capture::{CaptureError, RgbdFrame};
-use crate::geometry::Camera;
 use crate::ipc::CameraIdentity;
 use crate::pipeline::PipelineOptions;
-use crate::pipeline::offline::{self, FrameSetReader, OfflineProgress, OfflineRun};
+use crate::pipeline::offline::{self, OfflineProgress, OfflineRun, RecordedSets};
 use crate::service::config;
 
 /// Calibrates and prints the result.
@@ -65,30 +63,13 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
 }
 
 fn run_offline(recording: &Recording, options: &PipelineOptions) -> Result<OfflineRun, CliError> {
-    let cameras: Vec<Camera> = recording.cameras().iter().map(|info| info.camera).collect();
     let bar = progress::bar(Some(recording.frame_sets().len() as u64), "frame sets");
-    let mut sets = RecordedSets { recording, next: 0 };
-    let run = offline::run_offline(&mut sets, &cameras, options, &mut |progress| match progress {
+    let mut sets = RecordedSets::new(recording);
+    let rig = sets.rig();
+    let run = offline::run_offline(&mut sets, &rig, options, &mut |progress| match progress {
         OfflineProgress::Set(counts) => bar.set_position(counts.seen as u64),
         OfflineProgress::Solving => bar.set_message("solving"),
     });
     bar.finish_and_clear();
     Ok(run?)
-}
-
-/// The frame sets of a recording in their order.
-struct RecordedSets<'a> {
-    recording: &'a Recording,
-    next: usize,
-}
-
-impl FrameSetReader for RecordedSets<'_> {
-    fn next_set(&mut self, frames: &mut [RgbdFrame]) -> Result<bool, CaptureError> {
-        let Some(stamps) = self.recording.frame_sets().get(self.next) else { return Ok(false) };
-        self.next += 1;
-        for (camera_idx, (stamp, frame)) in stamps.iter().zip(frames).enumerate() {
-            self.recording.read_frame(camera_idx, *stamp, frame)?;
-        }
-        Ok(true)
-    }
 }

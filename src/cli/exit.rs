@@ -14,7 +14,7 @@ pub enum Exit {
     Done = 0,
     /// It did not.
     Failed = 1,
-    /// The command line is wrong.
+    /// The command line is wrong; the parser of the command line ends the program with it.
     Usage = 2,
     /// There is no daemon under this instance name.
     NotReachable = 3,

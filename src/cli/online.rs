@@ -7,7 +7,7 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::interrupt::Interrupt;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
-use super::output::status::{AnswerDocument, StatusDocument};
+use super::output::status::{AnswerDocument, StatusDocument, Words};
 use super::talk::say;
 use super::{output, progress};
 use crate::geometry::motion::Motion;
@@ -29,7 +29,9 @@ pub fn status(instance: &InstanceName, output: Output) -> Result<Exit, CliError>
     let mut client = Client::connect(instance)?;
     let response = client.status(ANSWER_WITHIN)?;
     let health = client.latest_health()?.cloned();
-    let document = StatusDocument::new(instance, &response.snapshot, health.as_ref());
+    let progress = newest_progress(&mut client)?;
+    let words = Words { snapshot: &response.snapshot, health: health.as_ref(), progress: progress.as_ref() };
+    let document = StatusDocument::new(instance, &words);
     if output.json {
         output::print_json(&document)?;
     } else {

@@ -49,7 +49,9 @@ pub fn run(args: &RecordArgs) -> Result<(), CliError> {
     writer.finish()?;
     let frame_sets = written?;
     if frame_sets == 0 {
-        return Err(CliError::Failed("the cameras gave no frame set: nothing was recorded".to_owned()));
+        let what =
+            "nothing was recorded: no frame set with frames of all cameras within sync.max_skew_ms came";
+        return Err(CliError::Failed(what.to_owned()));
     }
     let path = args.folder.display().to_string();
     if args.output.json {
@@ -91,7 +93,7 @@ impl<'a> Recorder<'a> {
                 || args.duration.is_some_and(|duration| start.elapsed() >= duration)
         };
         while !is_over(written) {
-            match self.next_set(&interrupt)? {
+            match self.next_set(&interrupt, &|| is_over(written))? {
                 Turn::Frame => writer.write_set(&self.frames)?,
                 Turn::End => break,
             }
@@ -103,13 +105,26 @@ impl<'a> Recorder<'a> {
     }
 
     /// A frame of each camera, none further from another than the limit.
-    fn next_set(&mut self, interrupt: &Interrupt) -> Result<Turn, CliError> {
+    fn next_set(&mut self, interrupt: &Interrupt, is_over: &dyn Fn() -> bool) -> Result<Turn, CliError> {
+        let start = Instant::now();
         for index in 0..self.sources.len() {
             if let Turn::End = self.next_frame(index, interrupt)? {
                 return Ok(Turn::End);
             }
         }
+        // Cameras whose clocks differ never come together, however many frames they give.
         while let Some(oldest) = self.behind() {
+            if is_over() {
+                return Ok(Turn::End);
+            }
+            if start.elapsed() >= PATIENCE {
+                let (s, ms) = (PATIENCE.as_secs(), self.max_skew.as_secs_f64() * 1e3);
+                let what = format!(
+                    "no frames of all cameras within {ms} ms of each other for {s} s: check the clocks, or raise \
+                     sync.max_skew_ms"
+                );
+                return Err(CliError::Failed(what));
+            }
             if let Turn::End = self.next_frame(oldest, interrupt)? {
                 return Ok(Turn::End);
             }

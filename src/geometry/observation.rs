@@ -3,7 +3,7 @@
 //! The four numbers of a lifted line are those that are measured: the offsets of the two ends across the segment and the
 //! inverse depths at the two ends. Stereo noise is uniform in inverse depth, so their covariance is simple and honest.
 
-use nalgebra::{Matrix2, Vector3};
+use nalgebra::Matrix2;
 
 use super::camera::{PixelPoint, RayPoint};
 use super::line3::Line3;
@@ -72,12 +72,5 @@ impl LineObservation {
         let [start, end] = self.ends;
         let [start_per_m, end_per_m] = depth.inverse_depth_per_m;
         Line3::through(&start.at_inverse_depth(start_per_m), &end.at_inverse_depth(end_per_m), 1e-3)
-    }
-
-    /// Unit normal of the plane through the camera's centre and the segment; `None` for equal ends.
-    pub fn plane_normal(&self) -> Option<Vector3<f64>> {
-        let [start, end] = self.ends;
-        let normal = Vector3::new(start.x, start.y, 1.0).cross(&Vector3::new(end.x, end.y, 1.0));
-        normal.try_normalize(1e-9)
     }
 }

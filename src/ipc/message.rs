@@ -24,7 +24,7 @@ pub struct CalibrationMessage {
     pub calibration: RigCalibration,
 }
 
-/// How collecting goes, sent for every frame set at most.
+/// How collecting goes, sent for every frame set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProgressMessage {
     /// Counts the progress messages of this daemon, from 1; a gap says that the reader was too slow.
@@ -115,14 +115,14 @@ pub struct CameraHealth {
     pub dropped: u64,
     /// How long ago its last frame came, ns; `None` before the first.
     pub last_frame_age_ns: Option<u64>,
-    /// Frames per second over the last seconds.
+    /// Frames per second since the health message before.
     pub fps_hz: f64,
 }
 
 /// What a camera does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CameraState {
-    /// Opened or being opened, no frame yet.
+    /// Not there yet; looked for again and again.
     Waiting,
     /// Delivers frames.
     Streaming,

@@ -113,9 +113,9 @@ pub enum Activity {
     Starting,
     /// Collects evidence for a calibration.
     Collecting,
-    /// Has a result and watches whether it still holds.
+    /// Has a converged result; frames are still taken and counted, but no longer used.
     Watching,
-    /// Waits for a request: the last calibration was cancelled or gave up.
+    /// Waits for a request: the last calibration was cancelled.
     Idle,
     /// Is about to end.
     Stopping,

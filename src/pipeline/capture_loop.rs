@@ -18,6 +18,7 @@ pub const FRAME_TIMEOUT: Duration = Duration::from_millis(100);
 const BACKOFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
 /// So many errors in a row without a frame are a failed camera: it is closed and opened again.
 const MAX_ERRORS_IN_A_ROW: u32 = 10;
+const WRONG_SIZE: &str = "its frames do not have the size it promised";
 
 /// The capture thread of one camera.
 pub(super) struct CaptureLoop {
@@ -102,12 +103,11 @@ impl CaptureLoop {
             };
             let answer = source.next_frame(&mut slot.frame, FRAME_TIMEOUT);
             match answer {
-                Ok(()) if stream.is_usable(&slot.frame) => {
+                Ok(()) if slot.frame.is_of(&intrinsics) => {
                     (errors_in_a_row, last_frame) = (0, Instant::now());
                     stream.hand_over(slot);
                     continue;
                 }
-                Ok(()) => self.shared.counters.bad_frames.add_one(),
                 Err(CaptureError::Timeout(_)) if last_frame.elapsed() > self.reopen_after => {
                     return stream.end(slot, CameraState::Stalled, "reopening it");
                 }
@@ -119,13 +119,14 @@ impl CaptureLoop {
                 Err(error @ (CaptureError::Unplugged(_) | CaptureError::NotFound { .. })) => {
                     return stream.end(slot, CameraState::Unplugged, &error.to_string());
                 }
-                Err(error) => {
+                bad => {
                     self.shared.counters.bad_frames.add_one();
                     errors_in_a_row += 1;
+                    let what = bad.map_or_else(|error| error.to_string(), |()| WRONG_SIZE.to_owned());
                     if errors_in_a_row >= MAX_ERRORS_IN_A_ROW {
-                        return stream.end(slot, CameraState::Failed, &error.to_string());
+                        return stream.end(slot, CameraState::Failed, &what);
                     }
-                    tracing::debug!(camera = self.slot.name, "bad frame: {error}");
+                    tracing::debug!(camera = self.slot.name, "bad frame: {what}");
                 }
             }
             spare = Some(slot);
@@ -178,18 +179,12 @@ impl Stream<'_> {
         })
     }
 
-    /// Whether the frame has the size the camera promised.
-    fn is_usable(&self, frame: &RgbdFrame) -> bool {
-        let promised = (self.intrinsics.width_px() as usize, self.intrinsics.height_px() as usize);
-        frame.is_consistent() && (frame.width, frame.height) == promised
-    }
-
     fn hand_over(&mut self, mut slot: Box<FrameSlot>) {
         let (shared, camera) = (self.shared, self.camera);
         slot.arrival = Instant::now();
         slot.intrinsics = Some(self.intrinsics);
         let sequence = slot.frame.sequence;
-        let expected = self.sequence.map_or(sequence, |last| last + 1);
+        let expected = self.sequence.map_or(sequence, |last| last.saturating_add(1));
         shared.counters.lost_frames.add(sequence.saturating_sub(expected));
         self.sequence = Some(sequence);
         shared.counters.frames.add_one();

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::capture::StampNs;
 use crate::geometry::{Camera, CameraView};
-use crate::solver::{RigCalibration, RigEstimator, State};
+use crate::solver::{RigCalibration, RigCamera, RigEstimator, State};
 
 use super::MAX_CAMERAS;
 use super::buffers::LineSet;
@@ -37,7 +37,7 @@ impl Estimator for RigEstimator {
 }
 
 /// Makes an estimator without evidence for the given cameras.
-pub type MakeEstimator = dyn Fn(Vec<Camera>) -> Box<dyn Estimator> + Send;
+pub type MakeEstimator = dyn Fn(Vec<RigCamera>) -> Box<dyn Estimator> + Send;
 
 /// Collects and solves.
 pub(super) struct EstimateStage {
@@ -120,7 +120,9 @@ impl EstimateStage {
         if self.estimator.is_none()
             && let Some(known) = self.intrinsics.iter().flatten().next()
         {
-            let cameras = self.intrinsics[..n_cameras].iter().map(|camera| camera.unwrap_or(*known));
+            let intrinsics = self.intrinsics[..n_cameras].iter().map(|camera| camera.unwrap_or(*known));
+            let names = self.shared.cameras.iter().map(|camera| camera.name.clone());
+            let cameras = names.zip(intrinsics).map(|(name, camera)| RigCamera { name, camera });
             self.estimator = Some((self.make)(cameras.collect()));
         }
         self.swap_views(&mut set);
@@ -174,7 +176,7 @@ impl EstimateStage {
         };
         if is_wanted {
             let Evidence { newest_stamp, seen: sets_seen, .. } = self.evidence;
-            let solved = Solved { calibration, newest_stamp, sets_seen, took };
+            let solved = Solved { calibration, newest_stamp, sets_seen, took, round };
             self.shared.tell_surely(PipelineEvent::Calibration(Box::new(solved)));
         }
     }

@@ -125,6 +125,8 @@ pub struct Solved {
     pub sets_seen: u64,
     /// Time the solution took.
     pub took: Duration,
+    /// Which round of collecting it belongs to; see [`super::Pipeline::round`].
+    pub round: u64,
 }
 
 /// What the pipeline tells its owner.

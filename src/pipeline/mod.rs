@@ -206,6 +206,11 @@ impl Pipeline {
         }
     }
 
+    /// The round of collecting, from 1; an accepted [`Command::Recalibrate`] begins the next one.
+    pub fn round(&self) -> u64 {
+        self.shared.phase.round()
+    }
+
     /// States, counts and latencies now.
     pub fn snapshot(&self) -> Snapshot {
         let cameras = self.shared.cameras.iter().map(|camera| CameraSnapshot {

@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use crate::capture::recording::Recording;
 use crate::capture::{CaptureError, RgbdFrame};
 use crate::geometry::{Camera, CameraView};
-use crate::solver::{Reason, ReasonCode, RigCalibration, RigEstimator};
+use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator};
 
 use super::buffers::FoundLines;
 use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
@@ -18,6 +19,37 @@ pub trait FrameSetReader {
     /// # Errors
     /// What the recording says.
     fn next_set(&mut self, frames: &mut [RgbdFrame]) -> Result<bool, CaptureError>;
+}
+
+/// The frame sets of a recording, in their order.
+#[derive(Debug)]
+pub struct RecordedSets<'a> {
+    recording: &'a Recording,
+    next: usize,
+}
+
+impl<'a> RecordedSets<'a> {
+    /// Begins with the first set.
+    pub fn new(recording: &'a Recording) -> Self {
+        Self { recording, next: 0 }
+    }
+
+    /// The recording's cameras as the estimator takes them.
+    pub fn rig(&self) -> Vec<RigCamera> {
+        let cameras = self.recording.cameras().iter();
+        cameras.map(|info| RigCamera { name: info.name.clone(), camera: info.camera }).collect()
+    }
+}
+
+impl FrameSetReader for RecordedSets<'_> {
+    fn next_set(&mut self, frames: &mut [RgbdFrame]) -> Result<bool, CaptureError> {
+        let Some(stamps) = self.recording.frame_sets().get(self.next) else { return Ok(false) };
+        self.next += 1;
+        for (camera_idx, (stamp, frame)) in stamps.iter().zip(frames).enumerate() {
+            self.recording.read_frame(camera_idx, *stamp, frame)?;
+        }
+        Ok(true)
+    }
 }
 
 /// How far an offline run is.
@@ -75,7 +107,7 @@ pub struct OfflineRun {
 /// The first frame set that cannot be read.
 pub fn run_offline(
     sets: &mut dyn FrameSetReader,
-    cameras: &[Camera],
+    cameras: &[RigCamera],
     options: &PipelineOptions,
     progress: &mut dyn FnMut(OfflineProgress),
 ) -> Result<OfflineRun, CaptureError> {
@@ -115,13 +147,8 @@ struct CameraRun {
 }
 
 impl CameraRun {
-    fn is_usable(&self, frame: &RgbdFrame) -> bool {
-        let size = (self.camera.width_px() as usize, self.camera.height_px() as usize);
-        frame.is_consistent() && (frame.width, frame.height) == size
-    }
-
     fn find(&mut self, frame: &RgbdFrame) {
-        if self.is_usable(frame) {
+        if frame.is_of(&self.camera) {
             let times = self.finder.find(frame, &self.camera, &mut self.found);
             self.times.detect += times.detect;
             self.times.lift += times.lift;
@@ -149,9 +176,9 @@ struct Run {
 }
 
 impl Run {
-    fn new(cameras: &[Camera], options: &PipelineOptions) -> Self {
-        let of_camera = |camera: &Camera| CameraRun {
-            camera: *camera,
+    fn new(cameras: &[RigCamera], options: &PipelineOptions) -> Self {
+        let of_camera = |camera: &RigCamera| CameraRun {
+            camera: camera.camera,
             finder: SegmentLineFinder::new(options.detect, options.lift),
             found: FoundLines::default(),
             times: FindTimes::default(),
@@ -208,7 +235,7 @@ impl Run {
 
     /// Whether there are enough frames, and their stamps within the skew limit.
     fn is_one_moment(&self, frames: &[RgbdFrame]) -> bool {
-        let usable = || self.cameras.iter().zip(frames).filter(|(camera, frame)| camera.is_usable(frame));
+        let usable = || self.cameras.iter().zip(frames).filter(|(camera, frame)| frame.is_of(&camera.camera));
         let stamps = || usable().map(|(_, frame)| frame.stamp.0);
         let (Some(oldest), Some(newest)) = (stamps().min(), stamps().max()) else { return false };
         let skew = Duration::from_nanos(newest.abs_diff(oldest));
@@ -241,7 +268,7 @@ impl Run {
         let limit = self.options.motion.max_speed_px_per_s;
         let mut is_fast = false;
         for (camera, frame) in self.cameras.iter_mut().zip(frames) {
-            let is_usable = camera.is_usable(frame);
+            let is_usable = frame.is_of(&camera.camera);
             is_fast |= is_usable && camera.speed(frame).is_some_and(|speed| speed > limit);
         }
         is_fast
@@ -250,7 +277,7 @@ impl Run {
     /// Moves the views of the usable frames to the form the estimator takes, or back: no view is copied.
     fn swap_views(&mut self, frames: &[RgbdFrame]) {
         for ((view, camera), frame) in self.views.iter_mut().zip(&mut self.cameras).zip(frames) {
-            if camera.is_usable(frame) {
+            if frame.is_of(&camera.camera) {
                 match view.take() {
                     None => *view = Some(std::mem::take(&mut camera.found.view)),
                     Some(moved) => camera.found.view = moved,

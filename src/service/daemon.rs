@@ -1,5 +1,8 @@
 //! The running daemon: one thread that listens to the pipeline and to the clients, and tells the one about the other.
 
+#[cfg(test)]
+mod tests;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -15,7 +18,7 @@ use crate::ipc::{
     CalibrationMessage, CameraIdentity, Request, RequestKind, Response, Server, ServerError, Snapshot,
 };
 use crate::pipeline::{
-    self, Answer, CameraSlot, Command, Counts, Pipeline, PipelineEvent, PipelineOptions, Solved,
+    self, Answer, CameraSlot, Command, Counts, Parts, Pipeline, PipelineEvent, PipelineOptions, Solved,
 };
 use crate::solver::State;
 
@@ -60,6 +63,8 @@ struct Rig {
     slots: Vec<CameraSlot>,
     identities: Vec<CameraIdentity>,
     options: PipelineOptions,
+    /// Lines and estimate; other ones in tests.
+    make_parts: fn(&PipelineOptions) -> Parts,
 }
 
 impl Rig {
@@ -82,12 +87,15 @@ impl Rig {
             slots: cameras.iter().map(slot).collect(),
             identities: cameras.iter().map(identity).collect(),
             options: config.pipeline,
+            make_parts: Parts::new,
         })
     }
 
     fn start<'a>(&self, server: &'a Server) -> Result<Live<'a>, ServiceError> {
         let (sender, events) = bounded(EVENT_QUEUE);
-        Ok(Live { pipeline: Pipeline::start(self.slots.clone(), &self.options, sender)?, events, server })
+        let parts = (self.make_parts)(&self.options);
+        let pipeline = Pipeline::start_with(parts, self.slots.clone(), &self.options, sender)?;
+        Ok(Live { pipeline, events, server })
     }
 }
 
@@ -104,9 +112,14 @@ pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
     };
     let names: Vec<&str> = rig.identities.iter().map(|camera| camera.name.as_str()).collect();
     tracing::info!(instance = %config.instance, cameras = names.join(", "), "started");
+    run_rig(&rig, &server, stop)
+}
+
+/// Runs pipelines one after the other: a panic in one of its threads ends a pipeline, not the daemon.
+fn run_rig(rig: &Rig, server: &Server, stop: &Stop) -> Result<(), ServiceError> {
     let mut daemon = Daemon::new(rig.identities.clone());
     for restarts in 0.. {
-        let live = rig.start(&server)?;
+        let live = rig.start(server)?;
         let end = daemon.serve(&live, stop);
         daemon.say_goodbye(&live, &end);
         let report = live.pipeline.stop();
@@ -166,9 +179,9 @@ impl Daemon {
     /// Listens to both sides until there is a reason to end.
     fn serve(&mut self, live: &Live<'_>, stop: &Stop) -> End {
         while !stop.is_set() {
-            // Waiting for the first, then taking what else has come meanwhile.
+            // Waiting for the first, then taking what else has come meanwhile; no flood keeps clients waiting.
             let first = live.events.recv_timeout(POLL).ok();
-            for event in first.into_iter().chain(live.events.try_iter()) {
+            for event in first.into_iter().chain(live.events.try_iter().take(EVENT_QUEUE)) {
                 match event {
                     PipelineEvent::Bug { thread } => return End::Bug { thread },
                     event => self.handle(event, live),
@@ -206,6 +219,8 @@ impl Daemon {
                 let message = self.progress.message(&progress, self.identities.len(), self.life.state());
                 self.note(live.server.publish_progress(&message));
             }
+            // One that was under way when a client asked for a new calibration is not the answer to that.
+            PipelineEvent::Calibration(solved) if solved.round != live.pipeline.round() => {}
             PipelineEvent::Calibration(solved) => self.publish(*solved, live),
             // The pipeline has logged it, health tells it, and a bug has ended the loop.
             PipelineEvent::Camera { .. } | PipelineEvent::Bug { .. } => {}

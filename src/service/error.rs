@@ -29,7 +29,7 @@ pub enum ServiceError {
     },
     /// The pipeline failed again and again: a bug.
     #[error(
-        "thread \"{thread}\" panicked, the {restarts}th time: giving up; the log says where, please report it"
+        "thread \"{thread}\" panicked again after {restarts} restarts: giving up; the log says where, please report it"
     )]
     Bug {
         /// The last thread that panicked.

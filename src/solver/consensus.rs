@@ -6,6 +6,7 @@ use super::association::{Gate, Match, Scene, coarse_score};
 use super::candidates::{Candidate, PairEvidence};
 use super::free_space::free_space;
 use super::refine::{Refined, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
+use super::result::{Reason, ReasonCode};
 use super::rotation_vote::rotation_modes;
 use super::translation_vote::{Blur, COARSE, FINE, TranslationGrid, translation_lines};
 use crate::geometry::Camera;
@@ -55,6 +56,37 @@ pub struct Ranking {
     pub runner_up: Option<Hypothesis>,
 }
 
+/// Why a pair has no pose at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoPose {
+    /// No lines of both cameras agree on any pose.
+    NothingAgrees,
+    /// Lines agree on so many poses, but all contradict free space or lie beyond the largest baseline.
+    Impossible(usize),
+}
+
+impl NoPose {
+    /// For the user.
+    pub fn reason(self) -> Reason {
+        match self {
+            NoPose::NothingAgrees => Reason {
+                code: ReasonCode::NotEnoughEvidence,
+                sentence: "no lines of both cameras agree on any pose yet: show straight edges that run through both \
+                           cameras, from several rig poses"
+                    .to_owned(),
+            },
+            NoPose::Impossible(n) => Reason {
+                code: ReasonCode::FreeSpaceViolated,
+                sentence: format!(
+                    "lines agree on {n} poses, but with each of them surfaces would lie in space that the other camera saw \
+                     through, or the cameras further apart than allowed: show more edges, and check max_baseline_m and \
+                     that depth is registered to colour"
+                ),
+            },
+        }
+    }
+}
+
 /// What makes a pose impossible whatever lines agree with it.
 #[derive(Clone, Copy)]
 pub struct RankLimits<'a> {
@@ -68,9 +100,9 @@ pub struct RankLimits<'a> {
     pub keep_going: &'a dyn Fn() -> bool,
 }
 
-/// Ranks the poses of a pair; `None` when no candidates agree on any possible pose. A ranking that was given up is incomplete: the
+/// Ranks the poses of a pair. A ranking that was given up is incomplete: the
 /// caller must not use it.
-pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Option<Ranking> {
+pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Result<Ranking, NoPose> {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
     let starts = coarse_poses(&candidates, limits);
     let scene = Scene { pair, candidates: &candidates };
@@ -81,19 +113,23 @@ pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Option<Ran
     let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| (limits.keep_going)());
     let mut settled: Vec<Hypothesis> = going.filter_map(Approach::settle).collect();
     settled.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let n_settled = settled.len();
     let mut possible = settled.into_iter().filter(|settled| {
         let pose = &settled.refined.target_from_source;
         pose.translation.vector.norm() <= limits.max_baseline_m
             && !free_space(&pair, limits.cameras, pose).is_violated(limits.max_free_space_violated)
     });
-    let best = possible.next()?;
+    let best = possible.next().ok_or(match n_settled {
+        0 => NoPose::NothingAgrees,
+        n => NoPose::Impossible(n),
+    })?;
     let pose = best.refined.target_from_source;
     let others: Vec<Hypothesis> = possible.collect();
     let best_beyond = |gap: &PoseGap| {
         others.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
     };
     let (neighbour, runner_up) = (best_beyond(&SAME_ANSWER), best_beyond(&SAME_BASIN));
-    Some(Ranking { candidates, best, neighbour, runner_up })
+    Ok(Ranking { candidates, best, neighbour, runner_up })
 }
 
 /// How far apart two poses are at most to count as one.

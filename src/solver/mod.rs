@@ -16,7 +16,7 @@ pub mod verdict;
 
 pub use evidence::EvidenceLimits;
 pub use result::*;
-pub use rig::{EstimateOptions, RigEstimator};
+pub use rig::{EstimateOptions, RigCamera, RigEstimator};
 pub use verdict::VerdictLimits;
 
 #[cfg(test)]

@@ -37,12 +37,24 @@ const MAX_LOOP_RAD: f64 = 0.0052;
 /// See [`MAX_LOOP_RAD`]; m.
 const MAX_LOOP_M: f64 = 0.010;
 
+/// One camera of the rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigCamera {
+    /// Its name, for reasons.
+    pub name: String,
+    /// Its intrinsics.
+    pub camera: Camera,
+}
+
 /// Collects what the cameras of a rig saw, and solves for the rig when asked. Bounded memory.
 #[derive(Debug, Clone)]
 pub struct RigEstimator {
+    names: Vec<String>,
     cameras: Vec<Camera>,
     options: EstimateOptions,
     evidence: Evidence,
+    /// Per camera, whether it ever saw a lifted line.
+    has_lines: Vec<bool>,
 }
 
 /// A pair after ranking and verdict.
@@ -53,13 +65,18 @@ struct JudgedPair {
 
 impl RigEstimator {
     /// An estimator without evidence; camera 0 is the reference.
-    pub fn new(cameras: Vec<Camera>, options: EstimateOptions) -> Self {
-        Self { cameras, options, evidence: Evidence::new(options.evidence) }
+    pub fn new(cameras: Vec<RigCamera>, options: EstimateOptions) -> Self {
+        let has_lines = vec![false; cameras.len()];
+        let (names, cameras) = cameras.into_iter().map(|camera| (camera.name, camera.camera)).unzip();
+        Self { names, cameras, options, evidence: Evidence::new(options.evidence), has_lines }
     }
 
     /// Takes one frame set: a view per camera in camera order, `None` where a camera is missing. Returns whether it brought
     /// evidence that is not a repetition of an earlier set.
     pub fn add(&mut self, views: &[Option<CameraView>]) -> bool {
+        for (has_lines, view) in self.has_lines.iter_mut().zip(views) {
+            *has_lines |= view.iter().flat_map(|view| &view.lines).any(|line| line.depth.is_some());
+        }
         self.evidence.add(views)
     }
 
@@ -124,13 +141,12 @@ impl RigEstimator {
             max_free_space_violated: self.options.verdict.max_free_space_violated,
             keep_going,
         };
-        let Some(ranking) = rank_poses(pair, &limits) else {
-            let sentence =
-                "no lines of both cameras agree on any pose yet: show straight edges that run through both \
-                            cameras, from several rig poses"
-                    .to_owned();
-            estimate.reason = Some(Reason { code: ReasonCode::NotEnoughEvidence, sentence });
-            return JudgedPair { estimate, ranking: None };
+        let ranking = match rank_poses(pair, &limits) {
+            Ok(ranking) => ranking,
+            Err(no_pose) => {
+                estimate.reason = Some(no_pose.reason());
+                return JudgedPair { estimate, ranking: None };
+            }
         };
         let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
@@ -178,20 +194,15 @@ impl RigEstimator {
                 "a rig of one camera has nothing to calibrate: give at least two cameras".to_owned();
             return object(State::Failed, ReasonCode::OneCamera, sentence);
         }
-        let any_line = self
-            .evidence
-            .sets
-            .iter()
-            .flat_map(|set| set.views.iter().flatten())
-            .any(|view| !view.lines.is_empty());
-        if !any_line {
-            let sentence =
-                "no camera saw a straight edge with depth: check lighting, exposure and that depth is \
-                            registered to colour"
-                    .to_owned();
+        if let Some(blind) = self.has_lines.iter().position(|has_lines| !has_lines) {
+            let sentence = format!(
+                "{} saw no straight edge with depth: check its lighting, exposure, lens cover, and that depth is \
+                 registered to colour",
+                self.names[blind]
+            );
             return object(State::Collecting, ReasonCode::NoLines, sentence);
         }
-        if let Some(sentence) = loop_miss(pairs, joint) {
+        if let Some(sentence) = self.loop_miss(pairs, joint) {
             return object(State::Failed, ReasonCode::LoopInconsistent, sentence);
         }
         let camera = joint.poses.iter().position(Option::is_none)?;
@@ -201,29 +212,28 @@ impl RigEstimator {
             pairs.iter().filter(|pair| pair.estimate.target == camera || pair.estimate.source == camera);
         let estimate = &joining.max_by_key(weight)?.estimate;
         let reason = estimate.reason.clone()?;
-        let sentence =
-            format!("camera {} from camera {}: {}", estimate.source, estimate.target, reason.sentence);
-        object(estimate.state, reason.code, sentence)
+        let (target, source) = (&self.names[estimate.target], &self.names[estimate.source]);
+        object(estimate.state, reason.code, format!("{source} from {target}: {}", reason.sentence))
     }
-}
 
-/// Says which converged pair disagrees with the joint poses by more than a good rig allows.
-fn loop_miss(pairs: &[JudgedPair], joint: &JointPoses) -> Option<String> {
-    let converged = pairs.iter().filter(|pair| pair.estimate.state == State::Converged);
-    let misses = converged.filter_map(|pair| {
-        let estimate = &pair.estimate;
-        let joined = joint.poses[estimate.target]?.inverse() * joint.poses[estimate.source]?;
-        let own = estimate.target_from_source?;
-        let (angle_rad, distance_m) = (rotation_gap_rad(&joined, &own), translation_gap_m(&joined, &own));
-        (angle_rad > MAX_LOOP_RAD || distance_m > MAX_LOOP_M).then_some((estimate, angle_rad, distance_m))
-    });
-    let (estimate, angle_rad, distance_m) = misses.max_by(|a, b| a.2.total_cmp(&b.2))?;
-    Some(format!(
-        "the pairs do not close around the rig: cameras {} and {} miss by {:.2} deg and {:.1} mm; check that all cameras \
-         are fixed to each other and recalibrate",
-        estimate.target,
-        estimate.source,
-        angle_rad.to_degrees(),
-        1e3 * distance_m
-    ))
+    /// Says which converged pair disagrees with the joint poses by more than a good rig allows.
+    fn loop_miss(&self, pairs: &[JudgedPair], joint: &JointPoses) -> Option<String> {
+        let converged = pairs.iter().filter(|pair| pair.estimate.state == State::Converged);
+        let misses = converged.filter_map(|pair| {
+            let estimate = &pair.estimate;
+            let joined = joint.poses[estimate.target]?.inverse() * joint.poses[estimate.source]?;
+            let own = estimate.target_from_source?;
+            let (angle_rad, distance_m) = (rotation_gap_rad(&joined, &own), translation_gap_m(&joined, &own));
+            (angle_rad > MAX_LOOP_RAD || distance_m > MAX_LOOP_M).then_some((estimate, angle_rad, distance_m))
+        });
+        let (estimate, angle_rad, distance_m) = misses.max_by(|a, b| a.2.total_cmp(&b.2))?;
+        Some(format!(
+            "the pairs do not close around the rig: {} and {} miss by {:.2} deg and {:.1} mm; check that all cameras are \
+         fixed to each other and recalibrate",
+            self.names[estimate.target],
+            self.names[estimate.source],
+            angle_rad.to_degrees(),
+            1e3 * distance_m
+        ))
+    }
 }

@@ -40,7 +40,7 @@ impl Default for VerdictLimits {
             min_matches: 12,
             min_views: 3,
             min_matches_elsewhere: 6,
-            min_lead: 1.5,
+            min_lead: 1.4,
             min_lead_nearby: 1.25,
             max_sigma_translation_m: 0.003,
             max_sigma_rotation_rad: 0.0022,

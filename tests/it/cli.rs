@@ -258,6 +258,20 @@ fn a_recording_of_a_recording_is_the_same_frames() {
 }
 
 #[test]
+fn recording_ends_in_time_although_no_two_frames_belong_together() {
+    let env = TestEnv::new();
+    let fixture = Fixture::new(4);
+    let from = fixture.path().display();
+    let max_skew_ms = 0.5e-6 * fixture::SKEW_NS as f64;
+    env.config(&format!(
+        "cameras: {{backend: replay, replay: {{recording: {from}, loop: true}}}}\n\
+         sync: {{max_skew_ms: {max_skew_ms}}}\n"
+    ));
+    let arguments = ["record", "nothing", "--config", "pelicald.yaml", "--duration", "0.3"];
+    env.pelical(&arguments).expect_code(1).expect_talk(&["no frame set", "sync.max_skew_ms"]);
+}
+
+#[test]
 fn devices_lists_the_cameras_of_the_back_end() {
     let env = TestEnv::new();
     let fixture = Fixture::new(1);

@@ -49,6 +49,7 @@ fn a_daemon_answers_and_stops_cleanly_on_either_signal() {
         assert_eq!(status["schema"], "pelical.status/1");
         assert_eq!(status["instance"], env.instance.as_str());
         assert_eq!(status["cameras"][0]["name"], "left");
+        assert!(status["frame_sets"]["dropped"].is_u64(), "{status}");
         let text = env.pelical(&["status"]).expect_code(0).stdout;
         assert!(text.contains("streaming"), "{text}");
         daemon.signal(signal);
@@ -123,9 +124,8 @@ fn a_late_subscriber_gets_the_result_and_recalibrating_gives_another() {
     let env = TestEnv::new();
     let _daemon = start_good(&env);
     let watch = env.start_pelical(&["watch", "--json"]);
-    let line =
-        poll(|| watch.printed().lines().next().map(str::to_owned)).expect("the result that was there before");
-    let document: Value = serde_json::from_str(&line).unwrap();
+    // The result that was there before.
+    let document: Value = serde_json::from_str(&watch.first_printed()).unwrap();
     assert_eq!(
         (&document["schema"], &document["state"]),
         (&"pelical.calibration/1".into(), &"converged".into())
@@ -253,8 +253,7 @@ fn the_log_is_json_when_asked() {
     let fixture = Fixture::new(2);
     let daemon =
         env.start_daemon(&env.config(&format!("log: {{format: json}}\n{}", replay(fixture.path(), true))));
-    let line = poll(|| daemon.talk().lines().next().map(str::to_owned)).expect("the start is logged");
-    let event: Value = serde_json::from_str(&line).unwrap();
+    let event: Value = serde_json::from_str(&daemon.first_talk()).unwrap();
     assert_eq!(event["level"], "INFO");
     daemon.signal("TERM");
     daemon.wait().expect_code(0);

@@ -98,6 +98,11 @@ pub fn poll<T>(mut attempt: impl FnMut() -> Option<T>) -> Option<T> {
     }
 }
 
+/// The first line once its end is there too: half a line is no document.
+fn first_line(text: impl Fn() -> String) -> String {
+    poll(|| text().split_once('\n').map(|(line, _)| line.to_owned())).expect("a whole line")
+}
+
 /// A program that has ended.
 #[derive(Debug)]
 pub struct Ended {
@@ -158,9 +163,15 @@ impl Running {
 
     /// Sends a signal by its name, as `TERM`.
     pub fn signal(&self, name: &str) {
-        let pid = self.child.id().to_string();
-        let sent = Command::new("kill").args(["-s", name, &pid]).status().expect("kill is there");
-        assert!(sent.success(), "signal {name} to {pid}");
+        use rustix::process::{Pid, Signal, kill_process};
+        let signal = match name {
+            "INT" => Signal::INT,
+            "TERM" => Signal::TERM,
+            "KILL" => Signal::KILL,
+            other => panic!("no test sends {other}"),
+        };
+        let pid = Pid::from_raw(self.child.id() as i32).expect("a process id");
+        kill_process(pid, signal).unwrap_or_else(|error| panic!("signal {name}: {error}"));
     }
 
     /// What it has printed so far.
@@ -171,6 +182,16 @@ impl Running {
     /// What it has said on stderr so far.
     pub fn talk(&self) -> String {
         std::fs::read_to_string(&self.stderr).unwrap_or_default()
+    }
+
+    /// The first whole line of what it prints.
+    pub fn first_printed(&self) -> String {
+        first_line(|| self.printed())
+    }
+
+    /// The first whole line of what it says on stderr.
+    pub fn first_talk(&self) -> String {
+        first_line(|| self.talk())
     }
 
     /// Waits for its end; what it printed comes back.

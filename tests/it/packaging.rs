@@ -19,7 +19,9 @@ const COMPARE: [&str; 2] = ["==", "!="];
 const ASSIGN: [&str; 3] = ["+=", ":=", "="];
 
 /// Key, operator and value of one term of a rule such as `ATTR{idVendor}=="8086"`.
-fn term(text: &str) -> Result<(&str, &str, &str), String> {
+type Term<'a> = (&'a str, &'a str, &'a str);
+
+fn term(text: &str) -> Result<Term<'_>, String> {
     let at = text.find(['=', '!', '+', ':']).ok_or(format!("'{text}' has no operator"))?;
     let (key, rest) = text.split_at(at);
     let operator = COMPARE.iter().chain(&ASSIGN).find(|operator| rest.starts_with(**operator));
@@ -29,7 +31,7 @@ fn term(text: &str) -> Result<(&str, &str, &str), String> {
 }
 
 /// A key that udev only compares must be compared, one that it only sets must be set; `ENV` may be both.
-fn check_term((key, operator, _): (&str, &str, &str)) -> Result<(), String> {
+fn check_term((key, operator, _): Term<'_>) -> Result<(), String> {
     let is_compared = COMPARE.contains(&operator);
     match key.split('{').next().unwrap_or(key) {
         "ACTION" | "SUBSYSTEM" | "KERNEL" | "DRIVER" | "ATTR" | "ATTRS" if is_compared => Ok(()),
@@ -40,7 +42,7 @@ fn check_term((key, operator, _): (&str, &str, &str)) -> Result<(), String> {
 }
 
 /// Every rule as its terms; errors name the line.
-fn parse_rules(text: &str) -> Result<Vec<Vec<(&str, &str, &str)>>, String> {
+fn parse_rules(text: &str) -> Result<Vec<Vec<Term<'_>>>, String> {
     let mut rules = Vec::new();
     for (index, line) in text.lines().enumerate() {
         if line.is_empty() || line.starts_with('#') {

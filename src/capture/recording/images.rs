@@ -20,7 +20,7 @@ pub(in crate::capture) const DEPTH_FOLDER: &str = "depth";
 const MAX_OVERHEAD_BYTES: u64 = 1 << 20;
 
 /// Width and height of a camera's images, px.
-pub(in crate::capture) fn size_px(camera: &Camera) -> (usize, usize) {
+pub(super) fn size_px(camera: &Camera) -> (usize, usize) {
     (camera.width_px() as usize, camera.height_px() as usize)
 }
 

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
 
-pub(super) use images::{COLOR_FOLDER, DEPTH_FOLDER, size_px};
+pub(super) use images::{COLOR_FOLDER, DEPTH_FOLDER};
 pub(super) use sections::check_cameras;
 pub use truth::GroundTruth;
 

@@ -79,10 +79,7 @@ impl DeviceFactory for SyntheticFactory {
         let cameras = &self.world.options.cameras;
         match cameras.iter().position(|camera| camera.info.serial == serial) {
             Some(index) => Ok(Box::new(SyntheticSource::new(Arc::clone(&self.world), index))),
-            None => {
-                let serials: Vec<&str> = cameras.iter().map(|camera| camera.info.serial.as_str()).collect();
-                Err(CaptureError::NotFound { serial: serial.to_owned(), available: serials.join(", ") })
-            }
+            None => Err(CaptureError::not_found(serial, &self.list()?)),
         }
     }
 }

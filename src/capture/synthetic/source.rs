@@ -62,6 +62,7 @@ impl FrameSource for SyntheticSource {
     }
 
     fn next_frame(&mut self, frame: &mut RgbdFrame, timeout: Duration) -> Result<(), CaptureError> {
+        (frame.width, frame.height) = (0, 0);
         self.wait(timeout)?;
         let number = self.next;
         if self.world.options.frame_sets.is_some_and(|count| number >= count) {

@@ -20,6 +20,7 @@ const VISIBLE_PX: f64 = 80.0;
 const AIM_RANGE_M: [f64; 2] = [0.4, 3.5];
 /// Points looked at along an edge.
 const EDGE_POINTS: usize = 13;
+
 /// A camera of the rig, as the planner needs it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RigCamera {

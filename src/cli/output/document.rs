@@ -35,7 +35,7 @@ pub struct CalibrationDocument {
     pub reference: String,
     /// Every camera but the reference.
     pub cameras: Vec<CameraEntry>,
-    /// Every pair that shared frame sets.
+    /// Every pair of cameras.
     pub pairs: Vec<PairEntry>,
     /// What became of the frame sets.
     pub frame_sets: FrameSets,

@@ -27,12 +27,36 @@ pub struct StatusDocument {
     pub calibration_sequence: u64,
     /// Since the daemon started.
     pub uptime_s: f64,
-    /// Frame sets taken as evidence.
-    pub frame_sets_used: u64,
+    /// What became of the frame sets since collecting began.
+    pub frame_sets: FrameSetStatus,
     /// How the cameras are; empty before the daemon's first word about them.
     pub cameras: Vec<CameraStatus>,
     /// How long the stages take.
     pub stages: Vec<StageStatus>,
+}
+
+/// What became of frame sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct FrameSetStatus {
+    /// Complete sets.
+    pub seen: u64,
+    /// Taken as evidence.
+    pub used: u64,
+    /// Not taken: skew, motion, or nothing new.
+    pub refused: u64,
+    /// Lost because a stage was busy.
+    pub dropped: u64,
+}
+
+/// What a daemon has said about itself.
+#[derive(Debug, Clone, Copy)]
+pub struct Words<'a> {
+    /// Its answer.
+    pub snapshot: &'a Snapshot,
+    /// Its newest word about health; none in its first moments.
+    pub health: Option<&'a HealthMessage>,
+    /// Its newest word about collecting; none before the first frame set.
+    pub progress: Option<&'a ProgressMessage>,
 }
 
 /// How one camera is.
@@ -77,8 +101,10 @@ pub struct AnswerDocument {
 }
 
 impl StatusDocument {
-    /// The document of a daemon's answer and its newest word about its health.
-    pub fn new(instance: &InstanceName, snapshot: &Snapshot, health: Option<&HealthMessage>) -> Self {
+    /// The document of what a daemon has said.
+    pub fn new(instance: &InstanceName, words: &Words<'_>) -> Self {
+        let Words { snapshot, health, progress } = *words;
+        let sets = progress.map(|progress| progress.frame_sets).unwrap_or_default();
         Self {
             schema: "pelical.status/1",
             instance: instance.to_string(),
@@ -87,7 +113,12 @@ impl StatusDocument {
             reason: snapshot.reason.as_ref().map(ReasonEntry::from),
             calibration_sequence: snapshot.calibration_sequence,
             uptime_s: snapshot.uptime_ns as f64 * 1e-9,
-            frame_sets_used: snapshot.frame_sets_used,
+            frame_sets: FrameSetStatus {
+                seen: sets.seen,
+                used: snapshot.frame_sets_used,
+                refused: sets.refused,
+                dropped: sets.dropped,
+            },
             cameras: health.iter().flat_map(|health| &health.cameras).map(CameraStatus::from).collect(),
             stages: health.iter().flat_map(|health| &health.stages).map(StageStatus::from).collect(),
         }
@@ -153,7 +184,8 @@ pub fn text(status: &StatusDocument) -> String {
     if let Some(reason) = &status.reason {
         let _ = writeln!(text, "reason      {} ({})", reason.sentence, reason.code);
     }
-    let _ = writeln!(text, "frame sets  {} used", status.frame_sets_used);
+    let FrameSetStatus { seen, used, refused, dropped } = status.frame_sets;
+    let _ = writeln!(text, "frame sets  {seen} seen, {used} used, {refused} refused, {dropped} dropped");
     let _ = writeln!(text, "results     {}", status.calibration_sequence);
     let _ = writeln!(text, "up for      {:.0} s", status.uptime_s);
     if !status.cameras.is_empty() {

@@ -69,7 +69,8 @@ fn lift_options(file: &LinesSection) -> Result<LiftOptions, Refusal> {
 }
 
 fn estimate_options(file: &EstimateSection) -> Result<EstimateOptions, Refusal> {
-    within("estimate.max_baseline_m", file.max_baseline_m, (0.01, 20.0))?;
+    // Translations are voted in a grid: memory grows with the third power, and at 5 m it takes 0.5 GB.
+    within("estimate.max_baseline_m", file.max_baseline_m, (0.01, 5.0))?;
     within("estimate.max_lines_per_view", file.max_lines_per_view as f64, (10.0, 1_000.0))?;
     within("estimate.max_sets", file.max_sets as f64, (1.0, 10_000.0))?;
     let evidence = EvidenceLimits { max_lines_per_view: file.max_lines_per_view, max_sets: file.max_sets };

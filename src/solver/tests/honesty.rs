@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector3, Vector6};
 
-use super::room::{Random, camera, frame_sets, room};
+use super::room::{Random, camera, frame_sets, rig, room};
 use crate::geometry::motion::Motion;
 use crate::solver::candidates::PairEvidence;
 use crate::solver::consensus::{RankLimits, rank_poses};
@@ -15,7 +15,7 @@ fn error2_in_sigmas(name: &str) -> f64 {
     let room = room(&mut random, 40);
     let truth = Motion::new(Vector3::new(0.3, 0.0, 0.05), Vector3::new(0.05, 0.9, 0.0));
     let sets = frame_sets(&mut random, &room, &[Motion::identity(), truth], 16);
-    let mut estimator = RigEstimator::new(vec![camera(); 2], EstimateOptions::default());
+    let mut estimator = RigEstimator::new(rig(2), EstimateOptions::default());
     sets.iter().for_each(|set| {
         estimator.add(set);
     });
@@ -42,7 +42,7 @@ fn a_ranking_can_be_given_up() {
     let mut random = Random::named("given up");
     let room = room(&mut random, 40);
     let sets = frame_sets(&mut random, &room, &[Motion::identity(), Motion::identity()], 4);
-    let mut estimator = RigEstimator::new(vec![camera(); 2], EstimateOptions::default());
+    let mut estimator = RigEstimator::new(rig(2), EstimateOptions::default());
     sets.iter().for_each(|set| {
         estimator.add(set);
     });

@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::room::{Random, camera, frame_sets, room};
+use super::room::{Random, frame_sets, rig, room};
 use crate::geometry::CameraView;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use crate::solver::{EstimateOptions, RigCalibration, RigEstimator, State};
 
 pub fn solved(n_cameras: usize, sets: &[Vec<Option<CameraView>>]) -> RigCalibration {
-    let mut estimator = RigEstimator::new(vec![camera(); n_cameras], EstimateOptions::default());
+    let mut estimator = RigEstimator::new(rig(n_cameras), EstimateOptions::default());
     for set in sets {
         estimator.add(set);
     }

@@ -7,6 +7,7 @@ use crate::geometry::motion::Motion;
 use crate::geometry::{
     Camera, CameraView, DepthFit, Distortion, EdgeSide, LineObservation, RayPoint, Segment,
 };
+use crate::solver::RigCamera;
 
 /// Offsets across a segment's ends, px.
 const SIGMA_ACROSS_PX: f64 = 0.3;
@@ -58,6 +59,11 @@ impl Random {
 pub fn camera() -> Camera {
     let pinhole = Pinhole { fx_px: FOCAL_PX, fy_px: FOCAL_PX, cx_px: 319.5, cy_px: 239.5 };
     Camera::try_new((640, 480), pinhole, Distortion::None).expect("valid intrinsics")
+}
+
+/// Cameras named `camera 0`, `camera 1`, ...
+pub fn rig(n_cameras: usize) -> Vec<RigCamera> {
+    (0..n_cameras).map(|i| RigCamera { name: format!("camera {i}"), camera: camera() }).collect()
 }
 
 /// Straight edges by their end points, m.

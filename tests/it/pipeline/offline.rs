@@ -8,8 +8,13 @@ use pelical::geometry::camera::Pinhole;
 use pelical::geometry::{Camera, Distortion};
 use pelical::pipeline::offline::{FrameSetReader, OfflineProgress, OfflineRun, SetCounts, run_offline};
 use pelical::pipeline::{PipelineOptions, SyncOptions};
+use pelical::solver::RigCamera;
 
 const SIZE: (usize, usize) = (160, 120);
+
+fn rig() -> [RigCamera; 3] {
+    ["a", "b", "c"].map(|name| RigCamera { name: name.to_owned(), camera: camera() })
+}
 
 fn camera() -> Camera {
     let pinhole = Pinhole { fx_px: 150.0, fy_px: 150.0, cx_px: 79.5, cy_px: 59.5 };
@@ -62,7 +67,7 @@ fn draw(frame: &mut RgbdFrame, stamp_ms: i64, place_px: usize) {
 fn run(sets: &mut Sets, n_line_threads: usize) -> Result<OfflineRun, CaptureError> {
     let sync = SyncOptions { max_skew: Duration::from_millis(8), ..SyncOptions::default() };
     let options = PipelineOptions { sync, n_line_threads, ..PipelineOptions::default() };
-    run_offline(sets, &[camera(); 3], &options, &mut |_| {})
+    run_offline(sets, &rig(), &options, &mut |_| {})
 }
 
 fn three_sets() -> Sets {
@@ -117,8 +122,7 @@ fn no_sets_at_all_is_a_result_without_cameras() {
 fn progress_counts_the_sets_and_then_solves() {
     let mut told = Vec::new();
     let options = PipelineOptions::default();
-    run_offline(&mut three_sets(), &[camera(); 3], &options, &mut |progress| told.push(progress))
-        .expect("good sets");
+    run_offline(&mut three_sets(), &rig(), &options, &mut |progress| told.push(progress)).expect("good sets");
     let counts = |seen| OfflineProgress::Set(SetCounts { seen, used: seen, refused: 0 });
     assert_eq!(told, [counts(1), counts(2), counts(3), OfflineProgress::Solving]);
 }

@@ -1,0 +1,38 @@
+//! A pipeline with a bug.
+
+use super::*;
+use crate::capture::RgbdFrame;
+use crate::capture::synthetic::{SyntheticFactory, SyntheticOptions};
+use crate::geometry::Camera;
+use crate::ipc::InstanceName;
+use crate::pipeline::{FindTimes, FoundLines, LineFinder};
+
+struct Broken;
+
+impl LineFinder for Broken {
+    fn find(&mut self, _: &RgbdFrame, _: &Camera, _: &mut FoundLines) -> FindTimes {
+        panic!("a bug in the line stage");
+    }
+}
+
+fn broken_parts(options: &PipelineOptions) -> Parts {
+    Parts { line_finder: Box::new(|| Box::new(Broken)), ..Parts::new(options) }
+}
+
+#[test]
+fn a_pipeline_that_panics_again_and_again_ends_the_daemon_with_a_word() {
+    let instance: InstanceName = format!("bug-{}", std::process::id()).parse().expect("valid");
+    let server = Server::start(&instance).expect("nobody else has this name");
+    let factory = Arc::new(SyntheticFactory::new(SyntheticOptions::pair(0.0, 0.2, 3)));
+    let slot = CameraSlot { factory, serial: "synthetic-01".to_owned(), name: "left".to_owned() };
+    let identity = CameraIdentity { name: "left".to_owned(), serial: "synthetic-01".to_owned() };
+    let rig = Rig {
+        slots: vec![slot],
+        identities: vec![identity],
+        options: PipelineOptions::default(),
+        make_parts: broken_parts,
+    };
+    let error = run_rig(&rig, &server, &Stop::default()).expect_err("it cannot work");
+    let message = error.to_string();
+    assert!(message.contains("lines-0") && message.contains(&MAX_RESTARTS.to_string()), "{message}");
+}
