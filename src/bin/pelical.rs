@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use pelical::cli::args::{ClientArgs, Command};
 use pelical::cli::exit::Exit;
+use pelical::cli::talk::say;
 use pelical::{cli, service};
 
 fn main() -> ExitCode {
@@ -14,7 +15,7 @@ fn main() -> ExitCode {
         Command::DemoDaemon => match service::start_demo(args.instance) {
             Ok(()) => Exit::Done,
             Err(error) => {
-                eprintln!("pelical: {error}");
+                say(format_args!("pelical: {error}"));
                 Exit::from(&error)
             }
         },

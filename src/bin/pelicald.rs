@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use pelical::cli::args::DaemonArgs;
 use pelical::cli::exit::Exit;
+use pelical::cli::talk::say;
 use pelical::service;
 
 fn main() -> ExitCode {
@@ -13,7 +14,7 @@ fn main() -> ExitCode {
     match ended {
         Ok(()) => Exit::Done.into(),
         Err(error) => {
-            eprintln!("pelicald: {error}");
+            say(format_args!("pelicald: {error}"));
             Exit::from(&error).into()
         }
     }

@@ -10,6 +10,7 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::online::{self, Wanted};
 use super::progress;
+use super::talk::say;
 use crate::ipc::{Client, ClientError, InstanceName};
 use crate::service::config;
 
@@ -32,7 +33,8 @@ pub fn run(output: Output) -> Result<Exit, CliError> {
     let instance: InstanceName = format!("demo-{}", std::process::id())
         .parse()
         .map_err(|error: crate::ipc::InstanceNameError| CliError::Failed(error.to_string()))?;
-    eprintln!("a synthetic rig of three cameras that hardly overlap; the daemon is instance {instance}");
+    let what = "a synthetic rig of three cameras that hardly overlap; the daemon is instance";
+    say(format_args!("{what} {instance}"));
     // From here on Ctrl-C ends the wait, so that the daemon is always stopped.
     let interrupt = super::interrupt::Interrupt::register()?;
     let mut daemon = DaemonProcess::start(&instance)?;

@@ -1,6 +1,7 @@
 //! `pelical evaluate`: every recording with ground truth below some folders; says how many converged, and how many of these
 //! are wrong.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +11,7 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::output;
 use super::output::document::{EvaluatedRecording, EvaluationDocument};
+use super::talk::say;
 use crate::capture::recording::{GROUND_TRUTH_FILE, RECORDING_FILE};
 use crate::service::config;
 
@@ -26,24 +28,26 @@ pub fn run(args: &EvaluateArgs) -> Result<Exit, CliError> {
     let options = config::load_or_default(args.config.as_deref())?.pipeline;
     let mut folders = Vec::new();
     for folder in &args.folders {
-        let failed = CliError::system(format!("cannot search {}", folder.display()));
+        let failed = |error| CliError::BadInput(format!("{}: cannot be searched: {error}", folder.display()));
         find_recordings(folder, &mut folders).map_err(failed)?;
     }
+    // One recording counts once, however it was reached.
     folders.sort();
-    folders.dedup();
+    let mut known = BTreeSet::new();
+    folders.retain(|folder| known.insert(folder.canonicalize().unwrap_or_else(|_| folder.clone())));
     if folders.is_empty() {
         let what = format!("no folder below holds {RECORDING_FILE} and {GROUND_TRUTH_FILE}");
         return Err(CliError::BadInput(what));
     }
     let (mut recordings, mut bad) = (Vec::new(), 0);
     for (index, folder) in folders.iter().enumerate() {
-        eprintln!("{} of {}: {}", index + 1, folders.len(), folder.display());
+        say(format_args!("{} of {}: {}", index + 1, folders.len(), folder.display()));
         match calibrate(folder, &options) {
             Ok(calibration) => {
                 recordings.push(EvaluatedRecording { path: folder.display().to_string(), calibration });
             }
             Err(error) => {
-                eprintln!("pelical: {error}");
+                say(format_args!("pelical: {error}"));
                 bad += 1;
             }
         }
@@ -71,8 +75,8 @@ fn evaluation(recordings: Vec<EvaluatedRecording>) -> EvaluationDocument {
     }
 }
 
-/// Folders with a recording and its truth, at any depth. What lies inside a recording is not searched; links are not followed,
-/// so that a loop of links cannot catch the search.
+/// Folders with a recording and its truth, at any depth. What lies inside a recording is not searched; a link is
+/// followed only to a recording, so that a loop of links cannot catch the search.
 fn find_recordings(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
     if folder.join(RECORDING_FILE).is_file() {
         if folder.join(GROUND_TRUTH_FILE).is_file() {
@@ -82,7 +86,8 @@ fn find_recordings(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
     }
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
-        if entry.file_type()?.is_dir() {
+        let is_link_to_recording = || entry.path().join(RECORDING_FILE).is_file();
+        if entry.file_type()?.is_dir() || is_link_to_recording() {
             find_recordings(&entry.path(), found)?;
         }
     }

@@ -46,7 +46,9 @@ impl From<&RigError> for Exit {
         match error {
             RigError::Capture(error) => Exit::from(error),
             RigError::NoCamera { .. } => Exit::Failed,
-            RigError::Reference { .. } | RigError::TooLong { .. } => Exit::BadConfig,
+            RigError::Reference { .. } | RigError::TooLong { .. } | RigError::OneCamera { .. } => {
+                Exit::BadConfig
+            }
         }
     }
 }

@@ -12,6 +12,7 @@ mod online;
 mod output;
 mod progress;
 mod record;
+pub mod talk;
 mod watch;
 
 use args::Command;
@@ -25,7 +26,7 @@ pub fn run(instance: &InstanceName, command: &Command) -> Exit {
     match dispatch(instance, command) {
         Ok(exit) => exit,
         Err(error) => {
-            eprintln!("pelical: {error}");
+            talk::say(format_args!("pelical: {error}"));
             error.exit()
         }
     }

@@ -8,6 +8,7 @@ use super::exit::Exit;
 use super::interrupt::Interrupt;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::output::status::{AnswerDocument, StatusDocument, Words};
+use super::talk::say;
 use super::{output, progress};
 use crate::geometry::motion::Motion;
 use crate::ipc::{
@@ -75,11 +76,8 @@ fn print_answer(response: &Response, output: Output) -> Result<Exit, CliError> {
         }
         return Ok(Exit::Done);
     }
-    eprintln!(
-        "pelical: {}: {}",
-        document.answer,
-        document.reason.map_or(String::new(), |reason| reason.sentence)
-    );
+    let sentence = document.reason.map_or(String::new(), |reason| reason.sentence);
+    say(format_args!("pelical: {}: {sentence}", document.answer));
     Ok(Exit::Failed)
 }
 
@@ -98,6 +96,7 @@ pub struct Verdict {
     newest: Option<CalibrationMessage>,
     progress: Option<ProgressMessage>,
     timing_ms: TimingMs,
+    is_interrupted: bool,
 }
 
 /// Waits until the daemon converges, stops collecting, or the time is up; Ctrl-C ends the wait as well.
@@ -108,7 +107,8 @@ pub fn await_verdict(client: &mut Client, wanted: &Wanted) -> Result<Verdict, Cl
     let interrupt = Interrupt::register()?;
     let start = Instant::now();
     let bar = progress::spinner("waiting for frames");
-    let mut verdict = Verdict { newest: None, progress: None, timing_ms: TimingMs::default() };
+    let mut verdict =
+        Verdict { newest: None, progress: None, timing_ms: TimingMs::default(), is_interrupted: false };
     while !verdict.is_converged() && start.elapsed() < wanted.within && !interrupt.is_set() {
         if let Some(progress) = newest_progress(client)? {
             bar.set_message(output::status::progress_line(&progress));
@@ -122,6 +122,7 @@ pub fn await_verdict(client: &mut Client, wanted: &Wanted) -> Result<Verdict, Cl
         }
     }
     bar.finish_and_clear();
+    verdict.is_interrupted = interrupt.is_set();
     verdict.timing_ms.total = Some(start.elapsed().as_secs_f64() * 1e3);
     Ok(verdict)
 }
@@ -162,7 +163,7 @@ impl Verdict {
             stages.iter().find(|stage| stage.stage == name).map(|stage| stage.total_ns as f64 * 1e-6)
         };
         (self.timing_ms.detect, self.timing_ms.lift) = (total("detect"), total("lift"));
-        self.timing_ms.estimate = total("solve");
+        (self.timing_ms.associate, self.timing_ms.estimate) = (total("associate"), total("solve"));
         Ok(())
     }
 
@@ -172,8 +173,7 @@ impl Verdict {
     /// When stdout cannot be written, or there is no result at all.
     pub fn print(&self, truth: Option<&[Motion]>, output: Output) -> Result<Exit, CliError> {
         let Some(message) = &self.newest else {
-            eprintln!("pelical: no result in this time: let the cameras see more edges, or wait longer");
-            return Ok(Exit::NoResult);
+            return self.print_nothing(output);
         };
         let counts = self.progress.as_ref().map(|progress| progress.frame_sets).unwrap_or_default();
         let document = CalibrationDocument::new(&Findings {
@@ -193,5 +193,19 @@ impl Verdict {
             output::print_text(&output::text::calibration(&document))?;
         }
         Ok(if document.is_converged() { Exit::Done } else { Exit::NoResult })
+    }
+
+    /// A document all the same: who asked for JSON gets JSON.
+    fn print_nothing(&self, output: Output) -> Result<Exit, CliError> {
+        let sentence = if self.is_interrupted {
+            "interrupted before there was a result"
+        } else {
+            "no result in this time: let the cameras see more edges, or wait longer"
+        };
+        if output.json {
+            output::print_json(&AnswerDocument::without_result(sentence))?;
+        }
+        say(format_args!("pelical: {sentence}"));
+        Ok(Exit::NoResult)
     }
 }

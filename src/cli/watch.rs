@@ -9,6 +9,7 @@ use super::interrupt::Interrupt;
 use super::online::GLANCE;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::output::{self, status};
+use super::talk::say;
 use crate::ipc::{CalibrationMessage, Client, InstanceName};
 
 /// Progress comes with every frame set; nobody reads 30 lines a second.
@@ -29,7 +30,7 @@ pub fn run(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
         while let Some(progress) = client.next_progress(Duration::ZERO)? {
             if !output.json && told.is_none_or(|told| told.elapsed() >= INTERVAL) {
                 told = Some(Instant::now());
-                eprintln!("{}", status::progress_line(&progress));
+                say(status::progress_line(&progress));
             }
         }
     }

@@ -13,7 +13,7 @@ use super::event::CameraState;
 use super::shared::Shared;
 
 /// Longest wait inside a source: short, so that a stop is noticed even while a camera stalls.
-const FRAME_TIMEOUT: Duration = Duration::from_millis(100);
+pub const FRAME_TIMEOUT: Duration = Duration::from_millis(100);
 /// First and longest pause before a device is looked for again.
 const BACKOFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
 /// So many errors in a row without a frame are a failed camera: it is closed and opened again.
@@ -42,6 +42,8 @@ impl CaptureLoop {
     /// Runs until the pipeline stops or the recording ends.
     pub(super) fn run(mut self) {
         let mut pause = BACKOFF.0;
+        // A camera that has never been there changes no state, but a wrong serial number should not go unsaid.
+        let mut was_told = false;
         while !self.shared.is_stopping() {
             let frames_before = self.frames();
             match self.open_and_stream() {
@@ -51,6 +53,10 @@ impl CaptureLoop {
                     return;
                 }
                 StreamEnd::Lost { state, detail } => {
+                    if state == CameraState::Waiting && !was_told {
+                        tracing::warn!(camera = self.slot.name, "camera is waited for: {detail}");
+                        was_told = true;
+                    }
                     self.shared.change_camera(self.camera, state, &detail);
                 }
             }

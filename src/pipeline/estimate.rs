@@ -126,7 +126,9 @@ impl EstimateStage {
             self.estimator = Some((self.make)(cameras.collect()));
         }
         self.swap_views(&mut set);
+        let start = Instant::now();
         let is_new = self.estimator.as_mut().is_some_and(|estimator| estimator.add(&self.views));
+        self.shared.latencies.associate.record(start.elapsed());
         self.swap_views(&mut set);
         self.evidence.seen += 1;
         self.evidence.newest_stamp = self.evidence.newest_stamp.max(set.header.newest_stamp);

@@ -44,6 +44,7 @@ use crate::capture::DeviceFactory;
 use crate::solver::RigEstimator;
 
 pub use buffers::FoundLines;
+pub use capture_loop::FRAME_TIMEOUT;
 pub use estimate::{Estimator, MakeEstimator};
 pub use event::{Answer, CameraProgress, CameraState, Command, Phase, PipelineEvent, Progress, Solved};
 pub use finder::{FindTimes, LineFinder, SegmentLineFinder};

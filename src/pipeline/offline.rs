@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::capture::recording::Recording;
 use crate::capture::{CaptureError, RgbdFrame};
 use crate::geometry::{Camera, CameraView};
-use crate::solver::{RigCalibration, RigCamera, RigEstimator};
+use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator};
 
 use super::buffers::FoundLines;
 use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
@@ -120,7 +120,7 @@ pub fn run_offline(
     }
     progress(OfflineProgress::Solving);
     let solving = Instant::now();
-    let calibration = run.estimator.solve();
+    let calibration = run.solve();
     let timing_ms = TimingMs {
         detect: ms(run.times.detect),
         lift: ms(run.times.lift),
@@ -195,6 +195,23 @@ impl Run {
             times: FindTimes::default(),
             associate: Duration::ZERO,
         }
+    }
+
+    /// Where every set was refused, the estimator has seen nothing and cannot know why.
+    fn solve(&self) -> RigCalibration {
+        let calibration = self.estimator.solve();
+        let SetCounts { seen, used, refused } = self.counts;
+        if used > 0 || refused == 0 || self.cameras.len() < 2 {
+            return calibration;
+        }
+        // The first set is never refused for motion, so it was the stamps.
+        let skew_ms = ms(self.options.sync.max_skew);
+        let sentence = format!(
+            "all {seen} frame sets were refused: the stamps in each are more than {skew_ms} ms apart: check the cameras' \
+             clocks and which frames stand together"
+        );
+        let reason = Some(Reason { code: ReasonCode::NotEnoughEvidence, sentence });
+        RigCalibration { reason, ..calibration }
     }
 
     fn take(&mut self, frames: &[RgbdFrame]) {

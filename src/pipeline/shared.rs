@@ -219,12 +219,13 @@ impl Shared {
 
     pub(super) fn report_camera(&self, camera: usize, state: CameraState, detail: &str) {
         let name = &self.cameras[camera].name;
+        let colon = if detail.is_empty() { "" } else { ": " };
         match state {
             CameraState::Streaming | CameraState::Waiting | CameraState::Ended => {
-                tracing::info!(camera = name, "camera is {} {detail}", state.name());
+                tracing::info!(camera = name, "camera is {}{colon}{detail}", state.name());
             }
             CameraState::Stalled | CameraState::Unplugged | CameraState::Failed => {
-                tracing::warn!(camera = name, "camera is {} {detail}", state.name());
+                tracing::warn!(camera = name, "camera is {}{colon}{detail}", state.name());
             }
         }
         self.tell(PipelineEvent::Camera { camera, state, detail: detail.to_owned() });

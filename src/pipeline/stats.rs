@@ -225,6 +225,7 @@ pub struct Latencies {
     pub(super) detect: Histogram,
     pub(super) lift: Histogram,
     pub(super) frame_to_progress: Histogram,
+    pub(super) associate: Histogram,
     pub(super) solve: Histogram,
 }
 
@@ -239,6 +240,8 @@ pub struct LatencySummaries {
     pub lift: LatencySummary,
     /// From the arrival of a set's newest frame to its published progress.
     pub frame_to_progress: LatencySummary,
+    /// One frame set into the evidence: lines to candidates.
+    pub associate: LatencySummary,
     /// One solution of the estimator.
     pub solve: LatencySummary,
 }
@@ -251,6 +254,7 @@ impl Latencies {
             detect: self.detect.summary(),
             lift: self.lift.summary(),
             frame_to_progress: self.frame_to_progress.summary(),
+            associate: self.associate.summary(),
             solve: self.solve.summary(),
         }
     }

@@ -6,7 +6,7 @@ mod tests;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, bounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 
 use super::config::{CameraChoice, Config, RigError};
 use super::error::ServiceError;
@@ -71,6 +71,9 @@ impl Rig {
     fn new(config: &Config) -> Result<Self, ServiceError> {
         let factory: Arc<dyn DeviceFactory> = Arc::from(config.cameras.factory().map_err(RigError::from)?);
         let cameras = config.cameras.rig(factory.as_ref())?;
+        if let [only] = cameras.as_slice() {
+            return Err(RigError::OneCamera { name: only.name.clone() }.into());
+        }
         let slot = |camera: &CameraChoice| CameraSlot {
             factory: Arc::clone(&factory),
             serial: camera.serial.clone(),
@@ -103,7 +106,10 @@ impl Rig {
 pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
     // The name first: a second daemon must not even touch the cameras.
     let server = Server::start(&config.instance)?;
-    let rig = Rig::new(config)?;
+    let Some(rig) = open_rig(config, stop)? else {
+        tracing::info!("stopped before the cameras were there");
+        return Ok(());
+    };
     let names: Vec<&str> = rig.identities.iter().map(|camera| camera.name.as_str()).collect();
     tracing::info!(instance = %config.instance, cameras = names.join(", "), "started");
     run_rig(&rig, &server, stop)
@@ -135,6 +141,27 @@ fn run_rig(rig: &Rig, server: &Server, stop: &Stop) -> Result<(), ServiceError> 
         }
     }
     Ok(())
+}
+
+/// Opens the back end on a thread of its own: loading a recording takes as long as it takes, and a signal must not wait for it.
+/// `None` when the daemon shall stop meanwhile; the thread ends with the process.
+fn open_rig(config: &Config, stop: &Stop) -> Result<Option<Rig>, ServiceError> {
+    let (sender, opened) = bounded(1);
+    let config = config.clone();
+    let opening = std::thread::Builder::new().name("open".to_owned());
+    // Nobody receives any more when the daemon has stopped.
+    let spawned = opening.spawn(move || drop(sender.send(Rig::new(&config))));
+    spawned.map_err(|source| ServiceError::System { what: "cannot start a thread", source })?;
+    while !stop.is_set() {
+        match opened.recv_timeout(POLL) {
+            Ok(rig) => return rig.map(Some),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(ServiceError::Bug { thread: "open".to_owned(), restarts: 1 });
+            }
+        }
+    }
+    Ok(None)
 }
 
 impl Daemon {

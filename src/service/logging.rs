@@ -30,7 +30,11 @@ pub fn start(log: &LogSection) {
 }
 
 fn human() -> BoxedLayer {
-    fmt::layer().with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal()).boxed()
+    let wants_color = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    fmt::layer()
+        .with_writer(std::io::stderr)
+        .with_ansi(wants_color && std::io::stderr().is_terminal())
+        .boxed()
 }
 
 /// Our own events by the configured level; those of libraries only when they warn.

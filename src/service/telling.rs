@@ -129,6 +129,7 @@ fn stages(pipeline: &Snapshot) -> Vec<StageLatency> {
         ("detect", latencies.detect),
         ("lift", latencies.lift),
         ("frame_to_progress", latencies.frame_to_progress),
+        ("associate", latencies.associate),
         ("solve", latencies.solve),
     ];
     all.into_iter().map(stage).collect()

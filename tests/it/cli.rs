@@ -108,7 +108,29 @@ fn a_folder_that_is_no_recording_is_bad_data() {
     env.pelical(&["calibrate", "nowhere"]).expect_code(65).expect_talk(&["nowhere"]);
     env.pelical(&["calibrate", "."]).expect_code(65).expect_talk(&["recording.yaml"]);
     env.pelical(&["evaluate", "."]).expect_code(65).expect_talk(&["ground_truth.yaml"]);
-    env.pelical(&["evaluate", "nowhere"]).expect_code(1).expect_talk(&["nowhere"]);
+    env.pelical(&["evaluate", "nowhere"]).expect_code(65).expect_talk(&["nowhere"]);
+    env.write("file", "");
+    env.pelical(&["calibrate", "file"]).expect_code(65).expect_talk(&["that is a file"]);
+    env.pelical(&["evaluate", "file"]).expect_code(65).expect_talk(&["file"]);
+}
+
+#[test]
+fn a_byte_order_mark_does_not_spoil_a_recording() {
+    let fixture = Fixture::new(2);
+    fixture.write("recording.yaml", format!("\u{feff}{}", fixture::valid_text(2)));
+    calibrate(fixture.path()).expect_code(4);
+}
+
+#[test]
+fn frame_sets_of_different_moments_are_refused_with_the_reason() {
+    let fixture = Fixture::new(2);
+    let text = fixture::valid_text(2);
+    let head = &text[..text.find("frame_sets:").unwrap()];
+    let row = format!("frame_sets:\n  - [{}, {}]\n", fixture::stamp_ns(0, 0), fixture::stamp_ns(1, 1));
+    fixture.write("recording.yaml", format!("{head}{row}"));
+    let document = calibrate(fixture.path()).expect_code(4).json();
+    assert_eq!((&document["state"], &document["frame_sets"]["refused"]), (&"collecting".into(), &1.into()));
+    assert!(document["reason"]["sentence"].as_str().unwrap().contains("more than 8 ms apart"), "{document}");
 }
 
 #[test]
@@ -187,6 +209,17 @@ fn an_evaluation_goes_on_after_a_bad_recording() {
         .collect();
     assert_eq!(paths, ["set/deeper/dull", "set/good"]);
     assert_eq!(document["recordings"][1]["calibration"]["schema"], "pelical.calibration/1");
+}
+
+#[test]
+fn an_evaluation_follows_links_to_recordings_and_counts_each_once() {
+    let env = TestEnv::new();
+    std::fs::create_dir(env.path("set")).unwrap();
+    copy(Fixture::new(1).path(), &env.path("dull"));
+    std::os::unix::fs::symlink(env.path("dull"), env.path("set/link")).unwrap();
+    std::os::unix::fs::symlink(env.path("set"), env.path("set/loop")).unwrap();
+    let document = env.pelical(&["evaluate", "set", "./set/", "dull", "--json"]).expect_code(0).json();
+    assert_eq!(document["recordings"].as_array().unwrap().len(), 1, "{document}");
 }
 
 #[test]

@@ -77,6 +77,23 @@ fn a_wrong_config_ends_with_78_and_names_file_line_and_key() {
         ("lines:\n  min_length_px: -5\n", ["c.yaml:2: lines.min_length_px", "10 to 1000"]),
         ("cameras: {backend: replay}\n", ["c.yaml:1: cameras.replay.recording", "folder"]),
         ("log: [\n", ["c.yaml:", "log"]),
+        ("log:\n  level: info\n  format: json\n  level: warn\n", ["c.yaml:4: log: this key", "`level`"]),
+        ("instance: a\nlog: {}\ninstance: b\n", ["c.yaml:3: this key stands here twice", "`instance`"]),
+        ("\"sync\":\n  max_skew_ms: 8\n  'wait_ms' : 0\n", ["c.yaml:3: sync.wait_ms", "1 to 10000"]),
+        (
+            "cameras:\n  list: [{name: a, serial: \"1\"}, {name: b, serial: 0123}]\n",
+            ["list[1].serial", "quotes"],
+        ),
+        (
+            "cameras:\n  list:\n  - name: a\n    \"serial\": 0123\n",
+            ["c.yaml:4: cameras.list[0].serial", "quotes"],
+        ),
+        (
+            "cameras: {backend: replay, replay: {recording: \"\"}}\n",
+            ["cameras.replay.recording: is empty", "folder"],
+        ),
+        ("lines: {threads: -1}\n", ["lines.threads", "expected a whole number"]),
+        ("log: loud\n", ["c.yaml:1: log: ", ", expected a section of keys with values"]),
     ] {
         env.write("c.yaml", text);
         for arguments in [&["--config", "c.yaml"][..], &["--config", "c.yaml", "--check-config"]] {
@@ -85,6 +102,14 @@ fn a_wrong_config_ends_with_78_and_names_file_line_and_key() {
         }
     }
     env.pelicald(&["--config", "none.yaml"]).expect_code(78).expect_talk(&["none.yaml", "cannot read"]);
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_the_first_key() {
+    let env = TestEnv::new();
+    env.write("c.yaml", "\u{feff}instance: marked\nlog:\n  level: warn\n");
+    let checked = env.pelicald(&["--config", "c.yaml", "--check-config"]).expect_code(0);
+    assert!(checked.stdout.contains("instance: marked"), "{}", checked.stdout);
 }
 
 #[test]

@@ -104,7 +104,8 @@ fn waiting_for_a_result_that_does_not_come_ends_with_4() {
     let env = TestEnv::new();
     let (_fixture, _daemon) = start_dull(&env);
     env.pelical(&["cancel"]).expect_code(0);
-    env.pelical(&["recalibrate", "--wait", "--timeout", "1"]).expect_code(4);
+    let ended = env.pelical(&["recalibrate", "--wait", "--timeout", "1", "--json"]).expect_code(4);
+    assert_eq!(ended.json()["reason"]["code"], "no_result");
 }
 
 #[test]
@@ -153,6 +154,7 @@ fn a_missing_camera_is_reported_and_the_daemon_goes_on() {
     assert_eq!(camera_states(&status), ["streaming", "waiting"]);
     let refused = env.pelical(&["recalibrate", "--json"]).expect_code(1).json();
     assert_eq!(refused["reason"]["code"], "no_cameras");
+    assert!(daemon.talk().contains("waited for: no camera with serial \"9\""), "{}", daemon.talk());
     daemon.signal("TERM");
     daemon.wait().expect_code(0);
 }
@@ -191,6 +193,9 @@ fn what_the_daemon_cannot_start_with_is_said_at_once() {
     let config = env.config("cameras: {reference: nobody}\n");
     let ended = env.pelicald(&["--config", config.to_str().unwrap()]);
     ended.expect_code(78).expect_talk(&["cameras.reference", "front, left, right"]);
+    let config = env.config("cameras: {list: [{name: only, serial: \"synthetic-01\"}]}\n");
+    let ended = env.pelicald(&["--config", config.to_str().unwrap()]);
+    ended.expect_code(78).expect_talk(&["\"only\"", "at least two", "cameras.list"]);
 }
 
 #[test]
@@ -218,6 +223,9 @@ fn the_demo_agrees_with_its_truth_and_leaves_no_daemon() {
         assert!(entry["translation_error_mm"].as_f64().unwrap() < 5.0, "{entry}");
     }
     assert_eq!(document["truth"].as_array().unwrap().len(), 2);
+    for stage in ["detect", "lift", "associate", "estimate", "total"] {
+        assert!(document["timing_ms"][stage].as_f64().unwrap() > 0.0, "{stage} in {}", document["timing_ms"]);
+    }
     env.pelical(&["status", "--instance", &demo_instance(&ended.stderr)]).expect_code(3);
 }
 

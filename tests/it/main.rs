@@ -8,9 +8,11 @@
 
 mod bad_recording;
 mod cli;
+mod closed_stderr;
 mod config;
 mod daemon;
 mod env;
+mod faults;
 mod fixture;
 mod frame_source;
 mod ipc;

@@ -10,6 +10,7 @@ mod tests;
 mod truth;
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
@@ -137,16 +138,21 @@ fn read_text(file: &Path) -> Result<Option<String>, CaptureError> {
         Some(bytes) => bytes,
         None => return Ok(None),
     };
-    String::from_utf8(bytes).map(Some).map_err(|error| {
-        CaptureError::bad_data(file, format!("is not a text: {}; UTF-8 is allowed", error.utf8_error()))
-    })
+    // An editor's byte order mark is no part of the first key.
+    let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&bytes);
+    match std::str::from_utf8(text) {
+        Ok(text) => Ok(Some(text.to_owned())),
+        Err(error) => Err(CaptureError::bad_data(file, format!("is not a text: {error}; UTF-8 is allowed"))),
+    }
 }
 
 /// The bytes of a file of at most `max_bytes`; `None` when there is no such file.
 fn read_file(file: &Path, max_bytes: u64) -> Result<Option<Vec<u8>>, CaptureError> {
     let metadata = match fs::metadata(file) {
         Ok(metadata) => metadata,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(None);
+        }
         Err(error) => return Err(CaptureError::io(file, error)),
     };
     if !metadata.is_file() {
@@ -160,6 +166,10 @@ fn read_file(file: &Path, max_bytes: u64) -> Result<Option<Vec<u8>>, CaptureErro
 }
 
 fn missing_file(folder: &Path) -> String {
-    let hint = if folder.is_dir() { "the folder is not a recording" } else { "there is no such folder" };
+    let hint = match fs::metadata(folder) {
+        Ok(metadata) if metadata.is_dir() => "the folder is not a recording",
+        Ok(_) => "that is a file, not a folder",
+        Err(_) => "there is no such folder",
+    };
     format!("no such file: {hint}; a recording is a folder that holds {RECORDING_FILE}")
 }

@@ -22,7 +22,7 @@ pub(super) struct ParsedRecording {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "the keys of a recording")]
 struct RecordingSection {
     format: String,
     #[serde(default)]
@@ -40,7 +40,7 @@ struct FormatSection {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "the keys of a camera")]
 struct CameraSection {
     name: String,
     serial: QuotedString,
@@ -55,7 +55,7 @@ struct CameraSection {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "{model: ..., coeffs: [...]}")]
 struct DistortionSection {
     model: String,
     coeffs: Vec<f64>,

@@ -22,13 +22,13 @@ pub struct GroundTruth {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "poses")]
 struct TruthSection {
     poses: BTreeMap<String, PoseSection>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "{translation_m: [...], quaternion_xyzw: [...]}")]
 struct PoseSection {
     translation_m: [f64; 3],
     quaternion_xyzw: [f64; 4],

@@ -96,7 +96,7 @@ pub struct AnswerDocument {
     pub schema: &'static str,
     /// accepted, busy or refused.
     pub answer: &'static str,
-    /// Why, unless accepted.
+    /// Why it is not accepted, or why no result came.
     pub reason: Option<ReasonEntry>,
 }
 
@@ -147,6 +147,14 @@ impl From<&StageLatency> for StageStatus {
             p99_ms: ms(stage.p99_ns),
             total_ms: ms(stage.total_ns),
         }
+    }
+}
+
+impl AnswerDocument {
+    /// The request was accepted, and then no result came.
+    pub fn without_result(sentence: &str) -> Self {
+        let reason = ReasonEntry { code: "no_result", sentence: sentence.to_owned() };
+        Self { schema: "pelical.answer/1", answer: "accepted", reason: Some(reason) }
     }
 }
 

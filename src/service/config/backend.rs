@@ -3,6 +3,7 @@
 use super::check::{BackendConfig, CameraChoice, CamerasConfig};
 use crate::capture::recording::Recording;
 use crate::capture::replay::ReplayFactory;
+use crate::capture::scripted::ScriptedFactory;
 use crate::capture::synthetic::SyntheticFactory;
 use crate::capture::{CameraInfo, CaptureError, DeviceFactory};
 use crate::geometry::motion::Motion;
@@ -19,6 +20,15 @@ pub enum RigError {
     NoCamera {
         /// Name of the back end.
         backend: &'static str,
+    },
+    /// One camera is no rig.
+    #[error(
+        "the rig has one camera, \"{name}\", and nothing to calibrate it against: at least two are needed; list them in \
+         cameras.list"
+    )]
+    OneCamera {
+        /// Its name.
+        name: String,
     },
     /// A name or serial number of the back end has no room in shared memory.
     #[error(
@@ -44,12 +54,19 @@ impl CamerasConfig {
     /// # Errors
     /// When it cannot be reached, as a recording that is not there.
     pub fn factory(&self) -> Result<Box<dyn DeviceFactory>, CaptureError> {
-        match &self.backend {
+        let backend: Box<dyn DeviceFactory> = match &self.backend {
             BackendConfig::Replay(recording, options) => {
-                Ok(Box::new(ReplayFactory::new(Recording::open(recording)?, *options)?))
+                Box::new(ReplayFactory::new(Recording::open(recording)?, *options)?)
             }
-            BackendConfig::Synthetic(options) => Ok(Box::new(SyntheticFactory::new(options.clone()))),
+            BackendConfig::Synthetic(options) => Box::new(SyntheticFactory::new(options.clone())),
+        };
+        if self.faults.is_empty() {
+            return Ok(backend);
         }
+        let scripted = self.faults.iter().fold(ScriptedFactory::new(backend), |factory, (serial, script)| {
+            factory.with_script(serial, script.clone())
+        });
+        Ok(Box::new(scripted))
     }
 
     /// The cameras of the rig, the reference first. Listed cameras need not be there yet.

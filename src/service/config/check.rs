@@ -1,11 +1,13 @@
 //! From the sections of the file to checked options in internal units.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::convert::synthetic_options;
 use super::error::Refusal;
 use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection};
 use crate::capture::replay::{self, ReplayOptions};
+use crate::capture::scripted::FaultScript;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
 use crate::pipeline::{MAX_CAMERAS, PipelineOptions};
@@ -32,6 +34,8 @@ pub struct CamerasConfig {
     pub list: Vec<CameraChoice>,
     /// Name of the reference camera; `None` means the first.
     pub reference: Option<String>,
+    /// What cameras suffer on purpose, by serial number.
+    pub faults: BTreeMap<String, FaultScript>,
 }
 
 /// Where frames come from, with the options of that back end only.
@@ -89,11 +93,16 @@ impl TryFrom<&CamerasSection> for CamerasConfig {
                 let what = "is missing: the back end `replay` needs the folder of a recording";
                 let recording = file.replay.recording.clone();
                 let recording = recording.ok_or_else(|| Refusal::new("cameras.replay.recording", what))?;
+                if recording.as_os_str().is_empty() {
+                    return Err(Refusal::new("cameras.replay.recording", what.replace("missing", "empty")));
+                }
                 BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))
             }
             Backend::Synthetic => BackendConfig::Synthetic(synthetic_options(&file.synthetic)?),
         };
-        Ok(Self { backend, list: file.list.iter().map(choice).collect(), reference: file.reference.clone() })
+        let list = file.list.iter().map(choice).collect();
+        let faults = super::faults::scripts(&file.faults)?;
+        Ok(Self { backend, list, reference: file.reference.clone(), faults })
     }
 }
 

@@ -19,6 +19,20 @@ struct Line<'a> {
 
 /// The line (counted from 1) of a dotted path such as `cameras.list[1].serial`.
 pub fn line_of(text: &str, path: &str) -> usize {
+    block_of(text, path).0
+}
+
+/// The line (counted from 1) at which a key stands for the second time in the section of a dotted path; an empty path is the
+/// whole file. `None` in flow style.
+pub fn second_line_of(text: &str, section: &str, key: &str) -> Option<usize> {
+    let (_, block) = block_of(text, section);
+    let indent = block.first()?.indent;
+    let entries = block.iter().filter(|line| line.indent == indent && line.is_entry_of(key));
+    entries.map(|line| line.number).nth(1)
+}
+
+/// The innermost part of a dotted path that was found: its line and what is in it.
+fn block_of<'a>(text: &'a str, path: &str) -> (usize, Vec<Line<'a>>) {
     let mut block: Vec<Line<'_>> = content_lines(text);
     let mut found = block.first().map_or(1, |line| line.number);
     for step in steps(path) {
@@ -30,7 +44,18 @@ pub fn line_of(text: &str, path: &str) -> usize {
         found = line;
         block = inner;
     }
-    found
+    (found, block)
+}
+
+impl Line<'_> {
+    /// Whether it says `key: ...`, the key in quotes or not.
+    fn is_entry_of(&self, key: &str) -> bool {
+        let (found, value) = match self.content.strip_prefix(['"', '\'']) {
+            Some(quoted) => quoted.split_once(['"', '\'']).unwrap_or_default(),
+            None => self.content.split_once(':').map_or(("", ""), |(found, _)| (found.trim_end(), ":")),
+        };
+        found == key && value.trim_start().starts_with(':')
+    }
 }
 
 fn steps(path: &str) -> Vec<Step<'_>> {
@@ -54,9 +79,7 @@ fn content_lines(text: &str) -> Vec<Line<'_>> {
 /// The line of `key:` among the entries of a block, and the lines of its value.
 fn value_of_key<'a>(block: &[Line<'a>], key: &str) -> Option<(usize, Vec<Line<'a>>)> {
     let indent = block.first()?.indent;
-    let is_entry = |line: &Line<'_>| {
-        line.indent == indent && line.content.strip_prefix(key).is_some_and(|rest| rest.starts_with(':'))
-    };
+    let is_entry = |line: &Line<'_>| line.indent == indent && line.is_entry_of(key);
     let start = block.iter().position(is_entry)?;
     // A sequence may stand as deep as its own key.
     let is_inner =

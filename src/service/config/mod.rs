@@ -5,6 +5,7 @@ mod backend;
 mod check;
 mod convert;
 mod error;
+mod faults;
 mod locate;
 mod sections;
 mod serial;
@@ -16,6 +17,7 @@ use std::path::Path;
 pub use backend::RigError;
 pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
+pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
 
@@ -26,7 +28,8 @@ pub use serial::{Serial, UNQUOTED_SERIAL};
 pub fn load(file: &Path) -> Result<(ConfigFile, Config), ConfigError> {
     let text = std::fs::read_to_string(file)
         .map_err(|source| ConfigError::Read { file: file.to_owned(), source })?;
-    let (sections, config) = checked(file, &text)?;
+    // An editor's byte order mark is no part of the first key.
+    let (sections, config) = checked(file, text.strip_prefix('\u{feff}').unwrap_or(&text))?;
     Ok((sections, config.relative_to(file.parent().unwrap_or(Path::new("")))))
 }
 
@@ -77,18 +80,26 @@ fn located(file: &Path, text: &str, refusal: Refusal) -> ConfigError {
 
 fn text_error(file: &Path, text: &str, error: &serde_yaml::Error) -> ConfigError {
     let message = error.to_string();
-    let line = error.location().map_or_else(|| text.lines().count().max(1), |location| location.line());
+    let said_line =
+        || error.location().map_or_else(|| text.lines().count().max(1), |location| location.line());
     // The place is said in front, as compilers do.
     let what = match message.rfind(" at line ") {
         Some(end) => &message[..end],
         None => message.as_str(),
     };
+    let line = line_of_repetition(text, what).unwrap_or_else(said_line);
     ConfigError::Text { file: file.to_owned(), line, what: in_plain_words(what) }
+}
+
+/// Where a key stands again; the parser names the line of its section.
+fn line_of_repetition(text: &str, what: &str) -> Option<usize> {
+    let (section, key) = what.split_once("duplicate field `")?;
+    locate::second_line_of(text, section.trim_end_matches(": "), key.trim_end_matches('`'))
 }
 
 /// Replaces the words of the parser that only programmers know.
 fn in_plain_words(message: &str) -> String {
-    const WORDS: [(&str, &str); 9] = [
+    const WORDS: [(&str, &str); 15] = [
         ("unknown field", "unknown key"),
         ("duplicate field", "this key stands here twice:"),
         ("missing field", "missing key"),
@@ -97,21 +108,25 @@ fn in_plain_words(message: &str) -> String {
         ("invalid type", "wrong kind of value"),
         ("expected f64", "expected a number"),
         ("expected u64", "expected a whole number, 0 or more"),
+        ("expected u32", "expected a whole number, 0 or more"),
+        ("expected usize", "expected a whole number, 0 or more"),
+        ("expected field identifier", "expected a key"),
+        ("a sequence", "a list"),
+        ("value: sequence", "value: list"),
+        (" as u128", ""),
         ("expected a boolean", "expected true or false"),
     ];
     WORDS.iter().fold(message.to_owned(), |text, (theirs, ours)| text.replace(theirs, ours))
 }
 
 /// A serial number such as 012345: YAML reads it as text because of its leading zero, but its writer cannot know, and the
-/// next camera without a leading zero would be refused.
+/// next camera without a leading zero would be refused. The parser does not tell quotes; the text does, in every style.
 fn unquoted_serial(text: &str, sections: &ConfigFile) -> Option<Refusal> {
     sections.cameras.list.iter().enumerate().find_map(|(index, entry)| {
-        let key = format!("cameras.list[{index}].serial");
-        let line = text.lines().nth(locate::line_of(text, &key) - 1)?;
         let serial = &entry.serial.0;
         let digits_only = !serial.is_empty() && serial.bytes().all(|byte| byte.is_ascii_digit());
-        let bare =
-            line.split_once("serial:").is_some_and(|(_, value)| value.trim_start().starts_with(serial));
-        (digits_only && bare).then(|| Refusal::new(key, UNQUOTED_SERIAL))
+        let quoted = ['"', '\''].iter().any(|quote| text.contains(&format!("{quote}{serial}{quote}")));
+        (digits_only && !quoted)
+            .then(|| Refusal::new(format!("cameras.list[{index}].serial"), UNQUOTED_SERIAL))
     })
 }

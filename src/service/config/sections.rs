@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::faults::FaultsSection;
 use super::serial::Serial;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::InstanceName;
@@ -16,7 +17,7 @@ use crate::solver::EstimateOptions;
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "keys with values")]
 pub struct ConfigFile {
     /// Name of this daemon; clients find it by this name.
     pub instance: String,
@@ -47,7 +48,7 @@ impl Default for ConfigFile {
 
 /// `log`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct LogSection {
     /// Where to and in which form.
     pub format: LogFormat,
@@ -91,7 +92,7 @@ pub enum LogLevel {
 
 /// `cameras`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct CamerasSection {
     /// Where frames come from.
     pub backend: Backend,
@@ -103,6 +104,8 @@ pub struct CamerasSection {
     pub list: Vec<CameraEntry>,
     /// Name of the reference camera; `null` means the first.
     pub reference: Option<String>,
+    /// What the cameras suffer on purpose.
+    pub faults: FaultsSection,
 }
 
 impl Default for CamerasSection {
@@ -113,6 +116,7 @@ impl Default for CamerasSection {
             synthetic: SyntheticSection::default(),
             list: Vec::new(),
             reference: None,
+            faults: FaultsSection::default(),
         }
     }
 }
@@ -129,7 +133,7 @@ pub enum Backend {
 
 /// One camera of the rig.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, expecting = "expected a camera: {name: ..., serial: \"...\"}")]
+#[serde(deny_unknown_fields, expecting = "a camera: {name: ..., serial: \"...\"}")]
 pub struct CameraEntry {
     /// Name in the rig.
     pub name: String,
@@ -139,7 +143,7 @@ pub struct CameraEntry {
 
 /// `cameras.replay`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct ReplaySection {
     /// The recording's folder; must be given for the back end `replay`.
     pub recording: Option<PathBuf>,
@@ -170,7 +174,7 @@ pub enum Pace {
 
 /// `cameras.synthetic`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct SyntheticSection {
     /// Which cameras.
     pub rig: SyntheticRig,
@@ -240,7 +244,7 @@ pub enum SyntheticNoise {
 
 /// `sync`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct SyncSection {
     /// Largest difference of the stamps in one frame set.
     pub max_skew_ms: f64,
@@ -270,7 +274,7 @@ impl Default for SyncSection {
 
 /// `lines`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct LinesSection {
     /// Threads; 0 takes one per camera, at most one per core.
     pub threads: usize,
@@ -308,7 +312,7 @@ impl Default for LinesSection {
 
 /// `estimate`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "expected a section of keys with values")]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct EstimateSection {
     /// Largest distance between two cameras that is considered.
     pub max_baseline_m: f64,

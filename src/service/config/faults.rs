@@ -1,0 +1,110 @@
+//! The section `cameras.faults`: what cameras shall suffer on purpose, so that an installation can be tried before it matters.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::error::Refusal;
+use super::serial::Serial;
+use crate::capture::scripted::{Fault, FaultScript, Replug};
+use crate::pipeline::FRAME_TIMEOUT;
+
+/// Longest stall or absence, s.
+const MAX_FOR_S: f64 = 86_400.0;
+
+/// `cameras.faults`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
+pub struct FaultsSection {
+    /// Seed of the chances.
+    pub seed: u64,
+    /// The faults; empty plays none.
+    pub list: Vec<FaultEntry>,
+}
+
+/// One fault of one camera: at one frame, or by chance at any.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a fault: {serial: \"...\", fault: ..., at_frame: ...}")]
+pub struct FaultEntry {
+    /// Serial number of the camera.
+    pub serial: Serial,
+    /// What happens.
+    pub fault: FaultKind,
+    /// At which frame, counted from 0.
+    #[serde(default)]
+    pub at_frame: Option<u64>,
+    /// With which probability at each frame.
+    #[serde(default)]
+    pub chance: Option<f64>,
+    /// How long a stall or an absence lasts; without it a camera that is unplugged stays away.
+    #[serde(default)]
+    pub for_s: Option<f64>,
+}
+
+/// What can happen to a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// The frame is lost.
+    Drop,
+    /// No frame comes for some time.
+    Stall,
+    /// The camera goes away.
+    Unplug,
+    /// No depth in the frame.
+    ZeroDepth,
+    /// Half of the picture is black.
+    HalfBlack,
+    /// The camera's clock starts again.
+    ClockWrap,
+}
+
+/// The script of each camera that has one, by serial number.
+///
+/// # Errors
+/// Names the first value that is not allowed.
+pub(super) fn scripts(section: &FaultsSection) -> Result<BTreeMap<String, FaultScript>, Refusal> {
+    let mut scripts = BTreeMap::new();
+    for (index, entry) in section.list.iter().enumerate() {
+        let refusal =
+            |key: &str, what: String| Refusal::new(format!("cameras.faults.list[{index}].{key}"), what);
+        let for_s = entry.for_s.unwrap_or(1.0);
+        if !(0.001..=MAX_FOR_S).contains(&for_s) {
+            return Err(refusal(
+                "for_s",
+                format!("{for_s} is out of range: allowed is 0.001 to {MAX_FOR_S}"),
+            ));
+        }
+        let script: &mut FaultScript =
+            scripts.entry(entry.serial.0.clone()).or_insert_with(|| FaultScript::with_seed(section.seed));
+        let (before, fault) = (std::mem::take(script), entry.played());
+        *script = match (entry.at_frame, entry.chance) {
+            (Some(number), None) => before.at(number, fault),
+            (None, Some(chance)) if (0.0..=1.0).contains(&chance) => before.by_chance(chance, fault),
+            (None, Some(chance)) => {
+                return Err(refusal("chance", format!("{chance} is out of range: allowed is 0 to 1")));
+            }
+            _ => return Err(refusal("fault", "needs either at_frame or chance".to_owned())),
+        };
+    }
+    Ok(scripts)
+}
+
+impl FaultEntry {
+    fn played(&self) -> Fault {
+        let duration = self.for_s.map(Duration::from_secs_f64);
+        match self.fault {
+            FaultKind::Drop => Fault::Drop,
+            FaultKind::Stall => {
+                let calls =
+                    duration.unwrap_or(Duration::from_secs(1)).as_secs_f64() / FRAME_TIMEOUT.as_secs_f64();
+                Fault::Stall { timeouts: calls.ceil() as u32 }
+            }
+            FaultKind::Unplug => Fault::Unplug(duration.map_or(Replug::Never, Replug::AfterTime)),
+            FaultKind::ZeroDepth => Fault::ZeroDepth,
+            FaultKind::HalfBlack => Fault::HalfBlack,
+            FaultKind::ClockWrap => Fault::ClockWrap,
+        }
+    }
+}
