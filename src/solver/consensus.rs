@@ -5,7 +5,7 @@
 use super::association::{Gate, Match, Scene, coarse_score};
 use super::candidates::{Candidate, PairEvidence};
 use super::free_space::free_space;
-use super::refine::{Refined, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
+use super::refine::{Refined, Stop, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode};
 use super::rotation_vote::rotation_modes;
 use super::translation_vote::{Blur, COARSE, FINE, TranslationGrid, translation_lines};
@@ -56,6 +56,15 @@ pub struct Ranking {
     pub runner_up: Option<Hypothesis>,
 }
 
+/// What ranking the poses of a pair comes to.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ranked {
+    /// Poses that lines agree on.
+    Poses(Box<Ranking>),
+    /// No pose, and why.
+    None(NoPose),
+}
+
 /// Why a pair has no pose at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoPose {
@@ -102,7 +111,7 @@ pub struct RankLimits<'a> {
 
 /// Ranks the poses of a pair. A ranking that was given up is incomplete: the
 /// caller must not use it.
-pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Result<Ranking, NoPose> {
+pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
     let starts = coarse_poses(&candidates, limits);
     let scene = Scene { pair, candidates: &candidates };
@@ -119,17 +128,17 @@ pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Result<Ran
         pose.translation.vector.norm() <= limits.max_baseline_m
             && !free_space(&pair, limits.cameras, pose).is_violated(limits.max_free_space_violated)
     });
-    let best = possible.next().ok_or(match n_settled {
-        0 => NoPose::NothingAgrees,
-        n => NoPose::Impossible(n),
-    })?;
+    let Some(best) = possible.next() else {
+        let none = if n_settled == 0 { NoPose::NothingAgrees } else { NoPose::Impossible(n_settled) };
+        return Ranked::None(none);
+    };
     let pose = best.refined.target_from_source;
     let others: Vec<Hypothesis> = possible.collect();
     let best_beyond = |gap: &PoseGap| {
         others.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
     };
     let (neighbour, runner_up) = (best_beyond(&SAME_ANSWER), best_beyond(&SAME_BASIN));
-    Ok(Ranking { candidates, best, neighbour, runner_up })
+    Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up }))
 }
 
 /// How far apart two poses are at most to count as one.
@@ -217,7 +226,8 @@ impl<'a> Approach<'a> {
         let matches =
             self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale }, TO_THE_MINIMUM)?;
         let refined = refine(&self.scene, &indices(&matches), &self.pose, (noise_scale, TO_THE_MINIMUM));
-        Some(Hypothesis { refined, matches, score: self.score, noise_scale })
+        let is_settled = matches!(refined.stop, Stop::SmallStep | Stop::NoDescent);
+        is_settled.then_some(Hypothesis { refined, matches, score: self.score, noise_scale })
     }
 
     /// Matches under the gate, and moves to the pose that fits them.
@@ -234,7 +244,7 @@ impl<'a> Approach<'a> {
 }
 
 /// Sensors noisier than this many times the model are not explained by it.
-const MAX_NOISE_SCALE: f64 = 2.5;
+pub const MAX_NOISE_SCALE: f64 = 2.5;
 
 fn indices(matches: &[Match]) -> Vec<usize> {
     matches.iter().map(|found| found.candidate).collect()

@@ -15,6 +15,8 @@ const SAME_PLACE_ANGLE_RAD: f64 = 0.05;
 const SAME_PLACE_DEPTH_RATIO: f64 = 0.1;
 /// A frame set repeats an old one when more than this share of its lines is where it was.
 const REPEATED_SHARE: f64 = 0.5;
+/// Sets kept of one rig pose: a scene may change before a standing rig, but flicker must not fill the memory.
+const MAX_SETS_PER_POSE: usize = 8;
 /// Of a repeated set fewer new lines than this, in each of two cameras, are flicker and not a changed scene.
 const MIN_NEW_LINES: usize = 3;
 
@@ -40,7 +42,7 @@ impl EvidenceLine {
     pub fn try_new(observation: &LineObservation) -> Option<Self> {
         let depth = observation.depth?;
         let ends_m = [0, 1].map(|i| observation.ends[i].at_inverse_depth(depth.inverse_depth_per_m[i]));
-        if ends_m.iter().any(|end_m| !(end_m.z.is_finite() && end_m.z > 0.05)) {
+        if ends_m.iter().any(|end_m| !(end_m.iter().all(|value| value.is_finite()) && end_m.z > 0.05)) {
             return None;
         }
         let direction = Unit::try_new(ends_m[1] - ends_m[0], 1e-3)?;
@@ -111,7 +113,7 @@ pub struct EvidenceSet {
     /// Number of the set.
     id: u64,
     /// Number of the set whose rig pose this one repeats, or its own.
-    repeats: u64,
+    pub repeats: u64,
 }
 
 /// Everything the estimator keeps, in the order of arrival.
@@ -128,7 +130,7 @@ pub struct Evidence {
 pub struct EvidenceLimits {
     /// Lifted lines kept per view, the longest.
     pub max_lines_per_view: usize,
-    /// Frame sets kept; the oldest goes first.
+    /// Frame sets kept; those of the oldest rig pose go first.
     pub max_sets: usize,
 }
 
@@ -151,20 +153,28 @@ impl Evidence {
         if let Some(old) = old {
             set.repeats = old.id;
             min_lines = MIN_NEW_LINES;
-            let same_pose = old.id;
-            for known in self.sets.iter().filter(|known| known.repeats == same_pose) {
-                drop_known(&mut set, known);
+            let same_pose: Vec<_> = self.sets.iter().filter(|known| known.repeats == old.id).collect();
+            if same_pose.len() >= MAX_SETS_PER_POSE {
+                return false;
             }
+            same_pose.iter().for_each(|known| drop_known(&mut set, known));
         }
         let is_new = set.views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() >= 2;
         if is_new {
             if self.sets.len() >= self.limits.max_sets {
-                self.sets.remove(0);
+                self.forget_oldest_pose();
             }
             self.sets.push(set);
             self.next_id += 1;
         }
         is_new
+    }
+
+    /// All sets of a rig pose go together: without its first set the others would not be known as repetitions.
+    fn forget_oldest_pose(&mut self) {
+        if let Some(oldest) = self.sets.first().map(|set| set.repeats) {
+            self.sets.retain(|set| set.repeats != oldest);
+        }
     }
 
     fn prepare(&self, view: &CameraView) -> EvidenceView {

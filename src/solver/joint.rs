@@ -58,12 +58,15 @@ pub fn solve_joint(n_cameras: usize, reference: usize, edges: &[Edge<'_>]) -> Jo
             damping *= 10.0;
         }
     }
-    if let Some(cholesky) = system.information.cholesky() {
-        let covariance = cholesky.inverse();
-        for (camera, column) in columns.iter().enumerate() {
-            if let Some(column) = column {
+    let covariance = system.information.cholesky().map(|cholesky| cholesky.inverse());
+    for (camera, column) in columns.iter().enumerate() {
+        let Some(column) = column else { continue };
+        match &covariance {
+            Some(covariance) => {
                 covariances[camera] = covariance.fixed_view::<6, 6>(*column, *column).into_owned();
             }
+            // Never a pose that looks perfectly sure; pairs that fix their own pose do not lead here.
+            None => poses[camera] = None,
         }
     }
     JointPoses { poses, covariances }

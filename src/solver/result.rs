@@ -120,7 +120,7 @@ pub struct PairEstimate {
     pub matches: usize,
     /// Of these, lifted on both sides.
     pub full: usize,
-    /// Of these, lifted on one side only.
+    /// Of these, lifted on one side only; the consensus estimator uses none.
     pub pnl: usize,
     /// Root mean square distance of the target segment's ends from the predicted line, px.
     pub residual_px: f64,
@@ -140,7 +140,7 @@ pub struct RigCalibration {
     /// One per camera, in camera order; the reference has the identity and zero covariance; `None` where the evidence does
     /// not reach.
     pub cameras: Vec<Option<CameraPose>>,
-    /// Every pair of cameras that shared frame sets.
+    /// Every pair of cameras.
     pub pairs: Vec<PairEstimate>,
     /// Frame sets that were taken into account.
     pub frame_sets_used: usize,

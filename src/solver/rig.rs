@@ -2,7 +2,7 @@
 
 use super::association::Scene;
 use super::candidates::PairEvidence;
-use super::consensus::{RankLimits, Ranking, rank_poses};
+use super::consensus::{RankLimits, Ranked, Ranking, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
 use super::joint::{Edge, JointPoses, solve_joint};
 use super::refine::NormalEquations;
@@ -142,8 +142,8 @@ impl RigEstimator {
             keep_going,
         };
         let ranking = match rank_poses(pair, &limits) {
-            Ok(ranking) => ranking,
-            Err(no_pose) => {
+            Ranked::Poses(ranking) => *ranking,
+            Ranked::None(no_pose) => {
                 estimate.reason = Some(no_pose.reason());
                 return JudgedPair { estimate, ranking: None };
             }

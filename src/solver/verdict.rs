@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
 
 use super::association::{Match, Scene};
-use super::consensus::{Hypothesis, Ranking};
+use super::consensus::{Hypothesis, MAX_NOISE_SCALE, Ranking};
 use super::refine::{Refined, TO_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode, State};
 use crate::geometry::motion::{rotation_gap_rad, translation_gap_m};
@@ -64,7 +64,7 @@ pub struct Bench<'a> {
 
 /// Judges the best pose of a ranking: `Converged` without a reason, or another state with one.
 pub fn judge(bench: &Bench<'_>) -> (State, Option<Reason>) {
-    let checks = [evidence, lead, observability, halves];
+    let checks = [evidence, lead, residual, observability, halves];
     match checks.iter().find_map(|check| check(bench)) {
         Some((state, reason)) => (state, Some(reason)),
         None => (State::Converged, None),
@@ -77,11 +77,12 @@ fn object(state: State, code: ReasonCode, sentence: String) -> Objection {
     Some((state, Reason { code, sentence }))
 }
 
-/// Number of matches per contributing frame set.
-fn matches_by_view(scene: &Scene<'_>, matches: &[Match]) -> BTreeMap<u32, usize> {
+/// Number of matches per rig pose from which they were seen.
+fn matches_by_view(scene: &Scene<'_>, matches: &[Match]) -> BTreeMap<u64, usize> {
     let mut counts = BTreeMap::new();
     for found in matches {
-        *counts.entry(scene.candidates[found.candidate].set).or_insert(0) += 1;
+        let set = &scene.pair.evidence.sets[scene.candidates[found.candidate].set as usize];
+        *counts.entry(set.repeats).or_insert(0) += 1;
     }
     counts
 }
@@ -119,6 +120,18 @@ fn lead(bench: &Bench<'_>) -> Objection {
         rival.score,
     );
     object(State::Ambiguous, ReasonCode::RunnerUpTooClose, sentence)
+}
+
+fn residual(bench: &Bench<'_>) -> Objection {
+    let noise_scale = bench.ranking.best.noise_scale;
+    if noise_scale < MAX_NOISE_SCALE {
+        return None;
+    }
+    let sentence = format!(
+        "the matched lines agree {noise_scale:.1} times worse than the noise model of the sensor explains: check the \
+         intrinsics, the registration of depth to colour and that frames of one set are taken at one moment"
+    );
+    object(State::Failed, ReasonCode::ResidualTooHigh, sentence)
 }
 
 fn observability(bench: &Bench<'_>) -> Objection {

@@ -3,10 +3,10 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::poses::solved;
-use super::room::{Random, edges, frame_sets, frame_sets_along, room, world_from_rig};
+use super::room::{Random, edges, frame_sets, frame_sets_along, rig, room, world_from_rig};
 use crate::geometry::CameraView;
 use crate::geometry::motion::Motion;
-use crate::solver::{ReasonCode, State};
+use crate::solver::{EstimateOptions, ReasonCode, RigEstimator, State};
 
 fn pair() -> [Motion; 2] {
     [Motion::identity(), Motion::new(Vector3::new(0.3, 0.0, 0.05), Vector3::new(0.05, 0.7, 0.0))]
@@ -79,4 +79,20 @@ fn a_camera_that_never_comes_leaves_the_others_their_result() {
     let calibration = solved(3, &sets);
     assert_ne!(calibration.state, State::Converged);
     assert!(calibration.cameras[1].is_some() && calibration.cameras[2].is_none());
+}
+
+#[test]
+fn a_changing_scene_before_a_rig_that_stands_still_is_one_view() {
+    let mut random = Random::named("changing scene");
+    let path = [world_from_rig(&mut random)];
+    let backdrop = room(&mut random, 60);
+    let mut estimator = RigEstimator::new(rig(2), EstimateOptions::default());
+    for _ in 0..30 {
+        let mut scene = room(&mut random, 12);
+        scene.extend(&backdrop);
+        estimator.add(&frame_sets_along(&mut random, &scene, &pair(), &path)[0]);
+    }
+    let calibration = estimator.solve();
+    assert!(calibration.frame_sets_used <= 8, "{} sets of one pose are kept", calibration.frame_sets_used);
+    assert_eq!(calibration.reason.map(|reason| reason.code), Some(ReasonCode::NotEnoughEvidence));
 }

@@ -5,7 +5,7 @@ use nalgebra::{Vector3, Vector6};
 use super::room::{Random, camera, frame_sets, rig, room};
 use crate::geometry::motion::Motion;
 use crate::solver::candidates::PairEvidence;
-use crate::solver::consensus::{RankLimits, rank_poses};
+use crate::solver::consensus::{RankLimits, Ranked, rank_poses};
 use crate::solver::evidence::Evidence;
 use crate::solver::{EstimateOptions, RigEstimator};
 
@@ -68,7 +68,7 @@ fn the_best_pose_leads_far_before_any_other() {
         max_free_space_violated: options.verdict.max_free_space_violated,
         keep_going: &|| true,
     };
-    let ranking = rank_poses(pair, &limits).expect("a pose");
+    let Ranked::Poses(ranking) = rank_poses(pair, &limits) else { panic!("no pose") };
     let runner_up = ranking.runner_up.map_or(0.0, |other| other.score);
     assert!(ranking.best.score > 3.0 * runner_up, "{} against {runner_up}", ranking.best.score);
 }
