@@ -8,8 +8,12 @@ use std::time::Duration;
 use pelical::capture::recording::Recording;
 use pelical::capture::replay::{Pace, ReplayFactory, ReplayOptions};
 use pelical::capture::scripted::{FaultScript, ScriptedFactory};
+use pelical::capture::synthetic::{SyntheticCamera, SyntheticFactory, SyntheticOptions};
 use pelical::capture::writer::{ColorFormat, RecordingWriter};
-use pelical::capture::{CaptureError, DeviceFactory, FrameSource, RgbdFrame};
+use pelical::capture::{CameraInfo, CaptureError, DeviceFactory, FrameSource, RgbdFrame};
+use pelical::geometry::camera::Pinhole;
+use pelical::geometry::motion::Motion;
+use pelical::geometry::{Camera, Distortion};
 use tempfile::TempDir;
 
 use crate::fixture::{Fixture, SERIALS};
@@ -265,5 +269,31 @@ fn a_record_of_a_replay_conforms_and_shows_the_same() {
     }
 }
 
-// THE SYNTHETIC BACK END IS PLUGGED IN HERE: one test that runs `check_conformance` on
-// `pelical::capture::synthetic::SyntheticFactory::new(SyntheticOptions)`, and one on a `record` of it.
+/// Two small rendered cameras, so that the suite's many frames take seconds.
+fn synthetic(frame_sets: u64) -> Box<dyn DeviceFactory> {
+    let pinhole = Pinhole { fx_px: 150.0, fy_px: 150.0, cx_px: 79.5, cy_px: 59.5 };
+    let camera = Camera::try_new((160, 120), pinhole, Distortion::None).unwrap();
+    let cameras = [("left", 0.0), ("right", 0.25)].map(|(name, x_m)| SyntheticCamera {
+        info: CameraInfo { name: name.to_owned(), serial: format!("0{name}"), camera, depth_unit_m: 0.001 },
+        reference_from_camera: Motion::translation(x_m, 0.0, 0.0),
+    });
+    let options = SyntheticOptions::new(5, cameras.into());
+    Box::new(SyntheticFactory::new(SyntheticOptions { frame_sets: Some(frame_sets), ..options }))
+}
+
+#[test]
+fn the_synthetic_back_end_conforms() {
+    check_conformance(&Case { name: "synthetic", make: &|| synthetic(4), length: Some(4) });
+}
+
+#[test]
+fn a_record_of_synthetic_cameras_conforms_and_shows_the_same() {
+    let original = synthetic(4);
+    let (_folder, copy) = record(original.as_ref(), 4);
+    let options = ReplayOptions { pace: Pace::Unpaced, ..ReplayOptions::default() };
+    let case = Case { name: "record of synthetic", make: &|| replay(copy.clone(), options), length: Some(4) };
+    check_conformance(&case);
+    for (mut a, mut b) in open_all(synthetic(4).as_ref()).into_iter().zip(open_all((case.make)().as_ref())) {
+        assert_same(&case, &read_all(&case, a.as_mut()), &read_all(&case, b.as_mut()));
+    }
+}
