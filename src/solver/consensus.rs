@@ -162,7 +162,7 @@ impl PoseGap {
 
 /// Rotation modes, translation peaks of each, and the best of all by the coarse score.
 fn coarse_poses(candidates: &[Candidate], limits: &RankLimits<'_>) -> Vec<(Motion, f64)> {
-    let modes = rotation_modes(candidates, MAX_MODES);
+    let modes = rotation_modes(candidates, MAX_MODES, limits.keep_going);
     let mut poses: Vec<(Motion, f64)> = Vec::new();
     let mut first = 0;
     for (end, max_peaks, blur) in PEAKS_BY_RANK {

@@ -29,11 +29,18 @@ pub struct RotationMode {
     pub support: f64,
 }
 
-/// The strongest rotations, best first, at most `max_modes`.
-pub fn rotation_modes(candidates: &[Candidate], max_modes: usize) -> Vec<RotationMode> {
+/// The strongest rotations, best first, at most `max_modes`; incomplete once `keep_going` says no.
+pub fn rotation_modes(
+    candidates: &[Candidate],
+    max_modes: usize,
+    keep_going: &dyn Fn() -> bool,
+) -> Vec<RotationMode> {
     let histogram = histogram(candidates);
-    let mut modes: Vec<RotationMode> =
-        raw_modes(&histogram).into_iter().map(|rotation| refine(candidates, rotation)).collect();
+    let mut modes: Vec<RotationMode> = raw_modes(&histogram)
+        .into_iter()
+        .take_while(|_| keep_going())
+        .map(|rotation| refine(candidates, rotation))
+        .collect();
     modes.sort_by(|a, b| b.support.total_cmp(&a.support));
     let mut kept: Vec<RotationMode> = Vec::new();
     for mode in modes {
