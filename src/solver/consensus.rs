@@ -109,15 +109,13 @@ pub struct RankLimits<'a> {
     pub keep_going: &'a dyn Fn() -> bool,
 }
 
-/// Ranks the poses of a pair. A ranking that was given up is incomplete: the
-/// caller must not use it.
+/// Ranks the poses of a pair. A ranking that was given up is incomplete: the caller must not use it.
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
     let starts = coarse_poses(&candidates, limits);
     let scene = Scene { pair, candidates: &candidates };
     let going = starts.iter().take_while(|_| (limits.keep_going)());
-    let mut drawn_in: Vec<Approach<'_>> =
-        going.clone().filter_map(|(pose, _)| Approach::start(scene, pose)).collect();
+    let mut drawn_in: Vec<Approach<'_>> = going.filter_map(|pose| Approach::start(scene, pose)).collect();
     drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
     let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| (limits.keep_going)());
     let mut settled: Vec<Hypothesis> = going.filter_map(Approach::settle).collect();
@@ -161,7 +159,7 @@ impl PoseGap {
 }
 
 /// Rotation modes, translation peaks of each, and the best of all by the coarse score.
-fn coarse_poses(candidates: &[Candidate], limits: &RankLimits<'_>) -> Vec<(Motion, f64)> {
+fn coarse_poses(candidates: &[Candidate], limits: &RankLimits<'_>) -> Vec<Motion> {
     let modes = rotation_modes(candidates, MAX_MODES, limits.keep_going);
     let mut poses: Vec<(Motion, f64)> = Vec::new();
     let mut first = 0;
@@ -177,10 +175,10 @@ fn coarse_poses(candidates: &[Candidate], limits: &RankLimits<'_>) -> Vec<(Motio
         first = end;
     }
     poses.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut kept: Vec<(Motion, f64)> = Vec::new();
-    for (pose, score) in poses {
-        if kept.iter().all(|(other, _)| SAME_START.is_exceeded(other, &pose)) {
-            kept.push((pose, score));
+    let mut kept: Vec<Motion> = Vec::new();
+    for (pose, _) in poses {
+        if kept.iter().all(|other| SAME_START.is_exceeded(other, &pose)) {
+            kept.push(pose);
             if kept.len() == MAX_REFINED {
                 break;
             }

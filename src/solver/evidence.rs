@@ -161,8 +161,8 @@ impl Evidence {
         }
         let is_new = set.views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() >= 2;
         if is_new {
-            if self.sets.len() >= self.limits.max_sets {
-                self.forget_oldest_pose();
+            if self.sets.len() >= self.limits.max_sets && !self.forget_oldest_pose_but(set.repeats) {
+                return false;
             }
             self.sets.push(set);
             self.next_id += 1;
@@ -170,11 +170,14 @@ impl Evidence {
         is_new
     }
 
-    /// All sets of a rig pose go together: without its first set the others would not be known as repetitions.
-    fn forget_oldest_pose(&mut self) {
-        if let Some(oldest) = self.sets.first().map(|set| set.repeats) {
+    /// Forgets the oldest rig pose other than the given one; whether there was one. All sets of a pose go together: without its
+    /// first set the others would not be known as repetitions.
+    fn forget_oldest_pose_but(&mut self, kept: u64) -> bool {
+        let oldest = self.sets.iter().map(|set| set.repeats).find(|pose| *pose != kept);
+        if let Some(oldest) = oldest {
             self.sets.retain(|set| set.repeats != oldest);
         }
+        oldest.is_some()
     }
 
     fn prepare(&self, view: &CameraView) -> EvidenceView {

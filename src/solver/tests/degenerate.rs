@@ -6,7 +6,8 @@ use super::poses::solved;
 use super::room::{Random, edges, frame_sets, frame_sets_along, rig, room, world_from_rig};
 use crate::geometry::CameraView;
 use crate::geometry::motion::Motion;
-use crate::solver::{EstimateOptions, ReasonCode, RigEstimator, State};
+use crate::solver::evidence::Evidence;
+use crate::solver::{EstimateOptions, EvidenceLimits, ReasonCode, RigEstimator, State};
 
 fn pair() -> [Motion; 2] {
     [Motion::identity(), Motion::new(Vector3::new(0.3, 0.0, 0.05), Vector3::new(0.05, 0.7, 0.0))]
@@ -95,4 +96,26 @@ fn a_changing_scene_before_a_rig_that_stands_still_is_one_view() {
     let calibration = estimator.solve();
     assert!(calibration.frame_sets_used <= 8, "{} sets of one pose are kept", calibration.frame_sets_used);
     assert_eq!(calibration.reason.map(|reason| reason.code), Some(ReasonCode::NotEnoughEvidence));
+}
+
+#[test]
+fn full_memory_keeps_the_pose_at_which_the_rig_stands() {
+    let mut random = Random::named("full memory");
+    let path: Vec<Motion> = (0..3).map(|_| world_from_rig(&mut random)).collect();
+    let backdrop = room(&mut random, 60);
+    let limits = EvidenceLimits { max_lines_per_view: 100, max_sets: 2 };
+    let mut evidence = Evidence::new(limits);
+    for world_from_rig in &path {
+        let stand = std::slice::from_ref(world_from_rig);
+        assert!(evidence.add(&frame_sets_along(&mut random, &backdrop, &pair(), stand)[0]), "a new pose");
+        for _ in 0..4 {
+            let mut scene = room(&mut random, 35);
+            scene.extend(&backdrop);
+            let set = &frame_sets_along(&mut random, &scene, &pair(), stand)[0];
+            evidence.add(set);
+            assert!(evidence.sets.len() <= limits.max_sets);
+        }
+        let again = &frame_sets_along(&mut random, &backdrop, &pair(), stand)[0];
+        assert!(!evidence.add(again), "the backdrop from the same place is nothing new");
+    }
 }
