@@ -6,6 +6,7 @@ pub mod consensus;
 pub mod evidence;
 pub mod free_space;
 pub mod joint;
+pub mod line_pair;
 pub mod refine;
 pub mod residual;
 pub mod result;
@@ -15,6 +16,7 @@ pub mod translation_vote;
 pub mod verdict;
 
 pub use evidence::EvidenceLimits;
+pub use line_pair::{LinePair, TargetSide};
 pub use result::*;
 pub use rig::{EstimateOptions, RigCamera, RigEstimator};
 pub use verdict::VerdictLimits;

@@ -1,9 +1,9 @@
 //! Robust Levenberg-Marquardt over the pose of one pair, with the measurement weights of both lines.
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 
 use super::association::{MAX_DISTANCE2, Scene};
-use super::residual::{MatchResidual, match_residual};
+use super::residual::{MatchResidual, OffsetResidual, match_residual};
 use crate::geometry::motion::{Motion, updated};
 
 /// Steps that take a start within the voting's reach to the minimum (5 to 15 are needed).
@@ -139,16 +139,28 @@ pub struct Whitened {
 }
 
 impl Whitened {
-    /// `None` when the covariance is not positive definite (a line without noise model).
+    /// A match lifted on both sides; `None` when the covariance is not positive definite (a line without noise model).
     pub fn new(found: &MatchResidual, noise_scale: f64) -> Option<Self> {
-        let spread = found.covariance * (noise_scale * noise_scale);
-        let cholesky = spread.cholesky()?;
-        let weighted_jacobian = cholesky.solve(&found.d_residual_d_pose);
-        let weighted_residual = cholesky.solve(&found.residual);
-        Some(Self {
-            distance2: found.residual.dot(&weighted_residual),
-            information: found.d_residual_d_pose.transpose() * weighted_jacobian,
-            gradient: found.d_residual_d_pose.transpose() * weighted_residual,
-        })
+        whitened(&found.residual, &found.d_residual_d_pose, found.covariance * (noise_scale * noise_scale))
     }
+
+    /// A match lifted in the source only; `None` as above.
+    pub fn of_offsets(found: &OffsetResidual, noise_scale: f64) -> Option<Self> {
+        whitened(&found.residual, &found.d_residual_d_pose, found.covariance * (noise_scale * noise_scale))
+    }
+}
+
+fn whitened<const D: usize>(
+    residual: &SVector<f64, D>,
+    d_residual_d_pose: &SMatrix<f64, D, 6>,
+    covariance: SMatrix<f64, D, D>,
+) -> Option<Whitened> {
+    let cholesky = covariance.cholesky()?;
+    let weighted_jacobian = cholesky.solve(d_residual_d_pose);
+    let weighted_residual = cholesky.solve(residual);
+    Some(Whitened {
+        distance2: residual.dot(&weighted_residual),
+        information: d_residual_d_pose.transpose() * weighted_jacobian,
+        gradient: d_residual_d_pose.transpose() * weighted_residual,
+    })
 }

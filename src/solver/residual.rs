@@ -2,9 +2,10 @@
 //!
 //! The four numbers compared are those the target camera measures: the offsets of its segment's two ends from the predicted
 //! image line (plane z = 1), and the inverse depths at these ends (1/m). Their covariance is the target's own plus the source
-//! line's, carried over; to first order this is the maximum-likelihood estimate with the line itself eliminated.
+//! line's, carried over; to first order this is the maximum-likelihood estimate with the line itself eliminated. A target without
+//! depth (the paper's PnL case) measures the two offsets alone.
 
-use nalgebra::{Matrix3, Matrix4, Matrix4x6, Point3, SMatrix, Vector3, Vector4};
+use nalgebra::{Matrix2, Matrix2x6, Matrix3, Matrix4, Matrix4x6, Point3, SMatrix, Vector2, Vector3, Vector4};
 
 use super::evidence::EvidenceLine;
 use crate::geometry::LineObservation;
@@ -19,6 +20,17 @@ pub struct MatchResidual {
     pub d_residual_d_pose: Matrix4x6<f64>,
     /// Covariance of the residual from both lines' measurement noise.
     pub covariance: Matrix4<f64>,
+}
+
+/// As [`MatchResidual`], for a target without depth: offsets of start and end across the predicted line (z = 1).
+#[derive(Debug, Clone, PartialEq)]
+pub struct OffsetResidual {
+    /// Offsets, measured minus predicted.
+    pub residual: Vector2<f64>,
+    /// Derivative by a step of the pose, ordered x y z rx ry rz.
+    pub d_residual_d_pose: Matrix2x6<f64>,
+    /// Covariance of the residual from both lines' measurement noise.
+    pub covariance: Matrix2<f64>,
 }
 
 /// Compares `source`, moved by `target_from_source`, with `target`. `None` where the moved line passes (nearly) through the
@@ -37,6 +49,25 @@ pub fn match_residual(
     let mut d_residual_d_ends = predicted.d_values_d_ends;
     d_residual_d_ends.rows_mut(2, 2).neg_mut();
     Some(moved.carry(residual, d_residual_d_ends, &target.covariance))
+}
+
+/// Compares `source`, moved by `target_from_source`, with a segment of the target that has no depth (or whose depth is not to be
+/// used); `None` as in [`match_residual`].
+pub fn offset_residual(
+    target: &LineObservation,
+    source: &EvidenceLine,
+    target_from_source: &Motion,
+) -> Option<OffsetResidual> {
+    let moved = Moved::new(source, target_from_source);
+    let predicted = Predicted::new(&moved.ends_m, target)?;
+    let across = target.sigma_across * target.sigma_across;
+    let own_covariance = Matrix4::from_diagonal(&Vector4::new(across, across, 0.0, 0.0));
+    let carried = moved.carry(predicted.values, predicted.d_values_d_ends, &own_covariance);
+    Some(OffsetResidual {
+        residual: carried.residual.fixed_rows::<2>(0).into_owned(),
+        d_residual_d_pose: carried.d_residual_d_pose.fixed_rows::<2>(0).into_owned(),
+        covariance: carried.covariance.fixed_view::<2, 2>(0, 0).into_owned(),
+    })
 }
 
 /// The source line in the target's frame.

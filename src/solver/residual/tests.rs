@@ -85,3 +85,15 @@ fn a_line_through_the_targets_centre_predicts_nothing() {
     let (target, _) = views_of_one_line();
     assert!(match_residual(&target, &source, &Motion::identity()).is_none());
 }
+
+#[test]
+fn without_depth_the_offsets_alone_are_compared() {
+    let (target, source) = views_of_one_line();
+    let near = updated(&pose(), &Vector6::new(0.02, -0.01, 0.03, 0.01, -0.02, 0.015));
+    let with_depth = match_residual(&target, &source, &near).expect("a line in general position");
+    let unlifted = LineObservation { depth: None, ..target.observation };
+    let found = offset_residual(&unlifted, &source, &near).expect("as above");
+    assert_eq!(found.residual, with_depth.residual.fixed_rows::<2>(0));
+    assert_eq!(found.d_residual_d_pose, with_depth.d_residual_d_pose.fixed_rows::<2>(0));
+    assert!((found.covariance - with_depth.covariance.fixed_view::<2, 2>(0, 0)).amax() < 1e-15);
+}
