@@ -7,6 +7,7 @@ pub mod evidence;
 pub mod free_space;
 pub mod joint;
 pub mod line_pair;
+pub mod paper;
 pub mod refine;
 pub mod residual;
 pub mod result;
