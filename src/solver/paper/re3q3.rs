@@ -10,7 +10,7 @@ mod elimination;
 mod forms;
 mod univariate;
 
-use nalgebra::{Matrix4, Quaternion, SMatrix, SVector, Vector3, Vector4};
+use nalgebra::{Matrix4, Quaternion, SMatrix, SVector, Vector4};
 
 use elimination::Elimination;
 use forms::Forms;
@@ -22,7 +22,7 @@ const GOOD_PIVOT: f64 = 0.02;
 /// ... and below this there is nothing left of it.
 const MIN_PIVOT: f64 = 1e-6;
 /// Roots closer than this on the unit sphere are one: a double root is known to the square root of the rounding.
-const SAME_ROOT: f64 = 1e-6;
+const SAME_ROOT: f64 = 1e-5;
 /// Newton's method moves a root that is known from the polynomial by rounding only; a longer way means that it was another.
 const FAR: f64 = 1e-2;
 /// Rounding of the equations, with a margin of three digits: times the inverse Jacobian it is what a root may be off.
@@ -92,10 +92,7 @@ fn projective_roots(forms: &Forms) -> Roots<4> {
     for min_pivot in [GOOD_PIVOT, MIN_PIVOT] {
         let mut is_tried = false;
         for turn in 0..=TURNS.len() {
-            let chart = Chart::new(forms, turn);
-            if chart.elimination.pivot.abs() < min_pivot {
-                continue;
-            }
+            let Some(chart) = Chart::new(forms, turn, min_pivot) else { continue };
             is_tried = true;
             if chart.find(forms, &mut roots) == Found::All {
                 return roots;
@@ -122,24 +119,24 @@ struct Chart {
 }
 
 impl Chart {
-    /// Chart 0 is that of the unknowns as they are.
-    fn new(forms: &Forms, turn: usize) -> Self {
+    /// Chart 0 is that of the unknowns as they are; `None` where the elimination loses too much.
+    fn new(forms: &Forms, turn: usize, min_pivot: f64) -> Option<Self> {
         let root_from_chart = turn.checked_sub(1).map(|turn| turned(&TURNS[turn]));
         let elimination = match &root_from_chart {
-            None => Elimination::best(forms),
-            Some(root_from_chart) => Elimination::best(&forms.turned(root_from_chart)),
-        };
-        Self { root_from_chart, elimination }
+            None => Elimination::best(forms, min_pivot),
+            Some(root_from_chart) => Elimination::best(&forms.turned(root_from_chart), min_pivot),
+        }?;
+        Some(Self { root_from_chart, elimination })
     }
 
     /// Adds the roots that are new to `roots`.
     fn find(&self, forms: &Forms, roots: &mut Roots<4>) -> Found {
-        let Some(system) = self.elimination.system() else { return Found::All };
-        let ratios = univariate::real_roots(&system.determinant);
+        let Some(determinants) = self.elimination.determinants() else { return Found::Perhaps };
+        let ratios = univariate::real_roots(&determinants);
         let mut found = if ratios.are_clear { Found::All } else { Found::Perhaps };
         let mut here = Roots::<4>::none();
         for &ratio in ratios.as_slice() {
-            let start = self.elimination.root(&system, ratio);
+            let start = self.elimination.root(ratio);
             let start = self.root_from_chart.map_or(start, |root_from_chart| root_from_chart * start);
             let Some(root) = forms.polished(&start) else {
                 found = Found::Perhaps;

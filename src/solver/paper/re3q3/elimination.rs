@@ -3,14 +3,15 @@
 //! With a and b to be eliminated and u, v hidden in the coefficients, the three equations are solved for a², b² and ab:
 //! each is then linear in (a, b, 1). The identities a² b = ab a, ab b = b² a and a² b² = (ab)² give three more equations linear in
 //! (a, b, 1), whose determinant vanishes at the roots (Kukelova, Heller, Fitzgibbon: Efficient intersection of three quadrics).
+//! The polynomial is never expanded: nine values of the determinant say all of it.
 
-use nalgebra::{Matrix3, Vector3, Vector4};
+use nalgebra::{Vector3, Vector4};
 
 use super::forms::{Forms, MONOMIAL};
-use super::univariate::{Octic, Ratio};
+use super::univariate::{NODES, Ratio};
 
-/// A determinant this much smaller than what it is the sum of is rounding: the quadrics share a curve.
-const MIN_DETERMINANT: f64 = 1e-12;
+/// A determinant this much smaller than the products it is the sum of is rounding: the quadrics share a curve.
+const MIN_DETERMINANT: f64 = 1e-14;
 /// Which two unknowns are eliminated, and which two remain.
 const SPLITS: [([usize; 2], [usize; 2]); 6] = [
     ([0, 1], [2, 3]),
@@ -21,196 +22,119 @@ const SPLITS: [([usize; 2], [usize; 2]); 6] = [
     ([2, 3], [0, 1]),
 ];
 
-/// A polynomial homogeneous in (u, v): entry i belongs to `u^i v^(n - i)`.
-type Linear = [f64; 2];
-type Quadratic = [f64; 3];
-type Cubic = [f64; 4];
-type Quartic = [f64; 5];
-type Quintic = [f64; 6];
-
-/// `a² = a_part a + b_part b + rest` and so on.
-struct Reduced {
-    a: Linear,
-    b: Linear,
-    rest: Quadratic,
-}
-
-/// An equation linear in (a, b, 1), of degree N, N, N + 1.
-struct Row<const N: usize, const M: usize> {
-    a: [f64; N],
-    b: [f64; N],
-    rest: [f64; M],
-}
-
-/// What is left when a and b are gone.
-pub struct System {
-    /// Vanishes at the roots' ratio u : v.
-    pub determinant: Octic,
-    /// a : b : 1 at a root.
-    a: Quintic,
-    b: Quintic,
-    one: Quartic,
-}
-
-/// The best conditioned choice of a and b.
+/// Choice of a and b, and the equations solved for a², b² and ab (the three entries of each vector): the sum of
+/// `a (a_u u + a_v v)`, `b (b_u u + b_v v)` and `uu u² + uv u v + vv v²`.
 pub struct Elimination {
-    /// Determinant of the columns of a², b² and ab.
-    pub pivot: f64,
     eliminated: [usize; 2],
     hidden: [usize; 2],
-    columns: [Vector3<f64>; 10],
+    a_u: Vector3<f64>,
+    a_v: Vector3<f64>,
+    b_u: Vector3<f64>,
+    b_v: Vector3<f64>,
+    uu: Vector3<f64>,
+    uv: Vector3<f64>,
+    vv: Vector3<f64>,
+}
+
+/// The equations linear in (a, b, 1) at one ratio u : v.
+struct Rows {
+    /// Cross product of the first two: (a, b, 1) up to scale at a root.
+    solution: Vector3<f64>,
+    third: Vector3<f64>,
 }
 
 impl Elimination {
-    /// Chooses the pair with the largest pivot.
-    pub fn best(forms: &Forms) -> Self {
-        let pivot = |[a, b]: [usize; 2]| {
-            let column = |i: usize, j: usize| forms.columns[MONOMIAL[i][j]];
-            column(a, a).cross(&column(b, b)).dot(&column(a, b))
-        };
-        let mut best = Self { pivot: 0.0, eliminated: [0, 1], hidden: [2, 3], columns: forms.columns };
-        for (eliminated, hidden) in SPLITS {
-            let pivot = pivot(eliminated);
-            if pivot.abs() > best.pivot.abs() {
-                best = Self { pivot, eliminated, hidden, ..best };
+    /// The choice of a and b with the largest determinant of the columns of a², b² and ab; `None` when even that is at most
+    /// `min_pivot`.
+    pub fn best(forms: &Forms, min_pivot: f64) -> Option<Self> {
+        let column = |i: usize, j: usize| forms.columns[MONOMIAL[i][j]];
+        let mut best = (min_pivot, None);
+        for (split, ([a, b], _)) in SPLITS.iter().enumerate() {
+            let pivot = column(*a, *a).cross(&column(*b, *b)).dot(&column(*a, *b)).abs();
+            if pivot > best.0 {
+                best = (pivot, Some(split));
             }
         }
-        best
-    }
-
-    /// The equations solved for a², b² and ab.
-    fn reduced(&self) -> [Reduced; 3] {
-        let ([a, b], [u, v]) = (self.eliminated, self.hidden);
-        let column = |i: usize, j: usize| self.columns[MONOMIAL[i][j]];
+        let (eliminated, hidden) = SPLITS[best.1?];
+        let ([a, b], [u, v]) = (eliminated, hidden);
         let (aa, bb, ab) = (column(a, a), column(b, b), column(a, b));
-        let inverse =
-            Matrix3::from_rows(&[bb.cross(&ab), ab.cross(&aa), aa.cross(&bb)].map(|row| row.transpose()))
-                / -self.pivot;
-        let solved = |i: usize, j: usize| inverse * column(i, j);
-        let (au, av, bu, bv) = (solved(a, u), solved(a, v), solved(b, u), solved(b, v));
-        let (uu, uv, vv) = (solved(u, u), solved(u, v), solved(v, v));
-        std::array::from_fn(|i| Reduced {
-            a: [av[i], au[i]],
-            b: [bv[i], bu[i]],
-            rest: [vv[i], uv[i], uu[i]],
+        let (for_aa, for_bb, for_ab) = (bb.cross(&ab), ab.cross(&aa), aa.cross(&bb));
+        let scale = -1.0 / aa.dot(&for_aa);
+        let solved = |i: usize, j: usize| {
+            let right = column(i, j) * scale;
+            Vector3::new(for_aa.dot(&right), for_bb.dot(&right), for_ab.dot(&right))
+        };
+        Some(Self {
+            eliminated,
+            hidden,
+            a_u: solved(a, u),
+            a_v: solved(a, v),
+            b_u: solved(b, u),
+            b_v: solved(b, v),
+            uu: solved(u, u),
+            uv: solved(u, v),
+            vv: solved(v, v),
         })
     }
 
-    /// The polynomial and the way back; `None` when the polynomial vanishes everywhere: a curve of solutions.
-    pub fn system(&self) -> Option<System> {
-        let [aa, bb, ab] = self.reduced();
-        let first = first_row(&aa, &bb, &ab);
-        let second = second_row(&aa, &bb, &ab, &first);
-        let third = third_row(&aa, &bb, &ab);
-        // The cross product of the first two rows is (a, b, 1) up to scale.
-        let (mut a, mut b, mut one) = ([0.0; 6], [0.0; 6], [0.0; 5]);
-        add_product(&mut a, 1.0, &first.b, &second.rest);
-        add_product(&mut a, -1.0, &first.rest, &second.b);
-        add_product(&mut b, 1.0, &first.rest, &second.a);
-        add_product(&mut b, -1.0, &first.a, &second.rest);
-        add_product(&mut one, 1.0, &first.a, &second.b);
-        add_product(&mut one, -1.0, &first.b, &second.a);
-        let mut determinant = [0.0; 9];
-        add_product(&mut determinant, 1.0, &third.a, &a);
-        add_product(&mut determinant, 1.0, &third.b, &b);
-        add_product(&mut determinant, 1.0, &third.rest, &one);
-        let summands = largest(&third.a) * largest(&a)
-            + largest(&third.b) * largest(&b)
-            + largest(&third.rest) * largest(&one);
-        let size = largest(&determinant);
-        // Also refuses what is not a number.
-        (size > MIN_DETERMINANT * summands && size.is_finite()).then(|| System {
-            determinant: determinant.map(|coefficient| coefficient / size),
-            a,
-            b,
-            one,
-        })
+    /// Values of the determinant at the [`NODES`]; `None` when it vanishes everywhere: a curve of solutions.
+    pub fn determinants(&self) -> Option<[f64; 9]> {
+        let mut values = [0.0; 9];
+        let mut largest = 0.0_f64;
+        for (value, (u, v)) in values.iter_mut().zip(NODES) {
+            let rows = self.rows(u, v);
+            *value = rows.solution.dot(&rows.third);
+        }
+        for value in values {
+            largest = largest.max(value.abs());
+        }
+        let linear = [self.a_u, self.a_v, self.b_u, self.b_v].iter().fold(0.0, |size, part| part.amax().max(size));
+        let square = self.uu.amax().max(self.uv.amax()).max(self.vv.amax());
+        // What a and b are for u and v of order one; every product in the determinant has eight such factors.
+        let scale = (linear * linear).max(square).powi(4);
+        (largest > MIN_DETERMINANT * scale && largest.is_finite()).then(|| values.map(|value| value / largest))
     }
 
-    /// The root that belongs to a ratio u : v, of any length.
-    pub fn root(&self, system: &System, ratio: Ratio) -> Vector4<f64> {
-        let one = ratio.value(&system.one);
+    /// The root that belongs to a ratio u : v, of unit length.
+    pub fn root(&self, ratio: Ratio) -> Vector4<f64> {
+        let Ratio { u, v } = ratio;
+        let solution = self.rows(u, v).solution;
         let mut root = Vector4::zeros();
-        root[self.eliminated[0]] = ratio.value(&system.a);
-        root[self.eliminated[1]] = ratio.value(&system.b);
-        root[self.hidden[0]] = one * ratio.u;
-        root[self.hidden[1]] = one * ratio.v;
-        root
+        root[self.eliminated[0]] = solution.x;
+        root[self.eliminated[1]] = solution.y;
+        root[self.hidden[0]] = solution.z * u;
+        root[self.hidden[1]] = solution.z * v;
+        root.normalize()
     }
-}
 
-/// a² b = ab a
-fn first_row(aa: &Reduced, bb: &Reduced, ab: &Reduced) -> Row<3, 4> {
-    let (mut a, mut b, mut rest): (Quadratic, Quadratic, Cubic) =
-        (ab.rest.map(|value| -value), aa.rest, [0.0; 4]);
-    let difference = [aa.a[0] - ab.b[0], aa.a[1] - ab.b[1]];
-    add_product(&mut a, 1.0, &aa.b, &bb.a);
-    add_product(&mut a, -1.0, &ab.a, &ab.b);
-    add_product(&mut b, 1.0, &difference, &ab.b);
-    add_product(&mut b, 1.0, &aa.b, &bb.b);
-    add_product(&mut b, -1.0, &ab.a, &aa.b);
-    add_product(&mut rest, 1.0, &difference, &ab.rest);
-    add_product(&mut rest, 1.0, &aa.b, &bb.rest);
-    add_product(&mut rest, -1.0, &ab.a, &aa.rest);
-    Row { a, b, rest }
-}
-
-/// ab b = b² a; its part of b is the first row's part of a with the other sign.
-fn second_row(aa: &Reduced, bb: &Reduced, ab: &Reduced, first: &Row<3, 4>) -> Row<3, 4> {
-    let (mut a, mut rest): (Quadratic, Cubic) = (bb.rest.map(|value| -value), [0.0; 4]);
-    let difference = [ab.a[0] - bb.b[0], ab.a[1] - bb.b[1]];
-    add_product(&mut a, 1.0, &difference, &ab.a);
-    add_product(&mut a, 1.0, &ab.b, &bb.a);
-    add_product(&mut a, -1.0, &bb.a, &aa.a);
-    add_product(&mut rest, 1.0, &difference, &ab.rest);
-    add_product(&mut rest, 1.0, &ab.b, &bb.rest);
-    add_product(&mut rest, -1.0, &bb.a, &aa.rest);
-    Row { a, b: first.a.map(|value| -value), rest }
-}
-
-/// a² b² = (ab)²: quadratic in a and b again, and reduced once more.
-fn third_row(aa: &Reduced, bb: &Reduced, ab: &Reduced) -> Row<4, 5> {
-    let (mut of_aa, mut of_bb, mut of_ab) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-    add_product(&mut of_aa, 1.0, &aa.a, &bb.a);
-    add_product(&mut of_aa, -1.0, &ab.a, &ab.a);
-    add_product(&mut of_bb, 1.0, &aa.b, &bb.b);
-    add_product(&mut of_bb, -1.0, &ab.b, &ab.b);
-    add_product(&mut of_ab, 1.0, &aa.a, &bb.b);
-    add_product(&mut of_ab, 1.0, &aa.b, &bb.a);
-    add_product(&mut of_ab, -2.0, &ab.a, &ab.b);
-    let (mut a, mut b, mut rest): (Cubic, Cubic, Quartic) = ([0.0; 4], [0.0; 4], [0.0; 5]);
-    add_product(&mut a, 1.0, &aa.a, &bb.rest);
-    add_product(&mut a, 1.0, &bb.a, &aa.rest);
-    add_product(&mut a, -2.0, &ab.a, &ab.rest);
-    add_product(&mut b, 1.0, &aa.b, &bb.rest);
-    add_product(&mut b, 1.0, &bb.b, &aa.rest);
-    add_product(&mut b, -2.0, &ab.b, &ab.rest);
-    add_product(&mut rest, 1.0, &aa.rest, &bb.rest);
-    add_product(&mut rest, -1.0, &ab.rest, &ab.rest);
-    for (factor, reduced) in [(&of_aa, aa), (&of_bb, bb), (&of_ab, ab)] {
-        add_product(&mut a, 1.0, factor, &reduced.a);
-        add_product(&mut b, 1.0, factor, &reduced.b);
-        add_product(&mut rest, 1.0, factor, &reduced.rest);
-    }
-    Row { a, b, rest }
-}
-
-/// `sum += sign * a * b`; the sum has as many coefficients as the product.
-#[inline]
-fn add_product<const S: usize, const A: usize, const B: usize>(
-    sum: &mut [f64; S],
-    sign: f64,
-    a: &[f64; A],
-    b: &[f64; B],
-) {
-    const { assert!(S + 1 == A + B) };
-    for i in 0..A {
-        for j in 0..B {
-            sum[i + j] += sign * a[i] * b[j];
+    /// With a² = p.x a + q.x b + r.x, b² = p.y a + ... and ab = p.z a + ...
+    #[inline]
+    fn rows(&self, u: f64, v: f64) -> Rows {
+        let p = self.a_u * u + self.a_v * v;
+        let q = self.b_u * u + self.b_v * v;
+        let r = self.uu * (u * u) + self.uv * (u * v) + self.vv * (v * v);
+        // a² b = ab a and ab b = b² a, of the form x a + y b + z; the second's y is the first's x with the other sign.
+        let (of_first, of_second) = (p.x - q.z, p.z - q.y);
+        let first_x = q.x * p.y - p.z * q.z - r.z;
+        let first_y = of_first * q.z + q.x * q.y - p.z * q.x + r.x;
+        let first_z = of_first * r.z + q.x * r.y - p.z * r.x;
+        let second_x = of_second * p.z + q.z * p.y - p.y * p.x - r.y;
+        let second_z = of_second * r.z + q.z * r.y - p.y * r.x;
+        // a² b² = (ab)² has a², b² and ab once more.
+        let of_aa = p.x * p.y - p.z * p.z;
+        let of_bb = q.x * q.y - q.z * q.z;
+        let of_ab = p.x * q.y + q.x * p.y - 2.0 * p.z * q.z;
+        Rows {
+            solution: Vector3::new(
+                first_y * second_z + first_z * first_x,
+                first_z * second_x - first_x * second_z,
+                -first_x * first_x - first_y * second_x,
+            ),
+            third: Vector3::new(
+                of_aa * p.x + of_bb * p.y + of_ab * p.z + p.x * r.y + p.y * r.x - 2.0 * p.z * r.z,
+                of_aa * q.x + of_bb * q.y + of_ab * q.z + q.x * r.y + q.y * r.x - 2.0 * q.z * r.z,
+                of_aa * r.x + of_bb * r.y + of_ab * r.z + r.x * r.y - r.z * r.z,
+            ),
         }
     }
-}
-
-fn largest(polynomial: &[f64]) -> f64 {
-    polynomial.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }

@@ -1,13 +1,13 @@
 //! Three quadrics as quadratic forms of four homogeneous unknowns (s1, s2, s3, w): values, derivatives, Newton's method.
 
-use nalgebra::{Matrix4, SMatrix, Vector3, Vector4};
+use nalgebra::{Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 /// Column of the paper's order r of eq. 5 that belongs to the product of two of the four unknowns.
 pub const MONOMIAL: [[usize; 4]; 4] = [[0, 3, 4, 6], [3, 1, 5, 7], [4, 5, 2, 8], [6, 7, 8, 9]];
 /// A row that its predecessors explain to within this share is no equation of its own: ten digits are more than data has.
 const MIN_INDEPENDENT: f64 = 1e-10;
-/// Newton steps at most; two suffice for a simple root.
-const MAX_STEPS: usize = 8;
+/// Newton steps at most: two suffice for a simple root, a double one halves its error with each.
+const MAX_STEPS: usize = 20;
 /// Values of the forms that count as zero where rows and unknowns are of unit length.
 const ZERO: f64 = 1e-12;
 /// ... and below this another step brings nothing.
@@ -23,26 +23,30 @@ pub struct Forms {
 impl Forms {
     /// The span of three quadrics; `None` when they are dependent or not finite.
     pub fn orthonormal(quadrics: &SMatrix<f64, 3, 10>) -> Option<Self> {
-        let mut rows = *quadrics;
+        let mut rows: [SVector<f64, 10>; 3] = [0, 1, 2].map(|i| quadrics.row(i).transpose());
         for i in 0..3 {
-            let scale = rows.row(i).amax();
+            let scale = rows[i].amax();
             if !(scale.is_finite() && scale > 0.0) {
                 return None;
             }
-            let mut row = rows.row(i) / scale;
+            let mut row = rows[i] / scale;
             row /= row.norm();
-            for known in 0..i {
-                let share = row.dot(&rows.row(known));
-                row -= rows.row(known) * share;
+            for known in &rows[..i] {
+                row -= known * row.dot(known);
             }
             let norm = row.norm();
             // Also refuses what is not a number.
             if !(norm > MIN_INDEPENDENT) {
                 return None;
             }
-            rows.set_row(i, &(row / norm));
+            rows[i] = row / norm;
         }
-        Some(Self { columns: std::array::from_fn(|i| rows.column(i).into_owned()) })
+        let [first, second, third] = rows;
+        let mut columns = [Vector3::zeros(); 10];
+        for (i, column) in columns.iter_mut().enumerate() {
+            *column = Vector3::new(first[i], second[i], third[i]);
+        }
+        Some(Self { columns })
     }
 
     /// The forms of q' where q = `root_from_chart` q'.
@@ -63,13 +67,14 @@ impl Forms {
 
     /// Derivatives of the three forms by the four unknowns. Half of their sum weighted with q is the forms' value (Euler).
     fn derivatives(&self, q: &Vector4<f64>) -> [Vector3<f64>; 4] {
-        std::array::from_fn(|i| {
-            let mut sum = self.columns[MONOMIAL[i][i]] * q[i];
-            for j in 0..4 {
-                sum += self.columns[MONOMIAL[i][j]] * q[j];
-            }
-            sum
-        })
+        let [xx, yy, zz, xy, xz, yz, xw, yw, zw, ww] = &self.columns;
+        let [x, y, z, w] = [q.x, q.y, q.z, q.w];
+        [
+            xx * (2.0 * x) + xy * y + xz * z + xw * w,
+            xy * x + yy * (2.0 * y) + yz * z + yw * w,
+            xz * x + yz * y + zz * (2.0 * z) + zw * w,
+            xw * x + yw * y + zw * z + ww * (2.0 * w),
+        ]
     }
 
     /// The root near `start` as a unit vector, by Newton's method with the largest unknown held; `None` when there is none.

@@ -1,45 +1,33 @@
-//! All real roots of a homogeneous polynomial of degree eight in two unknowns.
+//! All real roots of a homogeneous polynomial of degree eight in two unknowns, known by nine values.
 //!
 //! The projective line is covered by u / v and v / u in -1..1. In each a polynomial's Bernstein coefficients change sign at least as often
 //! as it has roots and, where at most once, exactly as often: intervals are halved until that is so. What remains undecided
 //! at the smallest width is a multiple root or two that cannot be told apart.
 
-const N_COEFFICIENTS: usize = 9;
+mod tables;
+
+pub use tables::NODES;
+use tables::{BERNSTEIN_OF_POWERS, N_COEFFICIENTS, Octic, POWERS_OF_VALUES};
+
 /// Narrower intervals cannot be decided by the sign of values that are known to 1e-15.
 const MIN_WIDTH: f64 = 1e-6;
-/// Values at the ends of intervals that count as zero; the largest coefficient is 1.
-const ZERO: f64 = 1e-14;
-/// A last step of Newton's method of this length leaves an error of its square.
-const LAST_STEP: f64 = 1e-7;
+/// Coefficients that count as zero: a hundred times their rounding, where the largest value is of order 1.
+const ZERO: f64 = 1e-13;
+/// A last step of Newton's method of this length leaves an error of its square, more or less: enough to start from.
+const LAST_STEP: f64 = 1e-5;
 /// Bisection alone needs fewer.
 const MAX_STEPS: usize = 60;
-/// Roots closer than this are the same one, seen from both sides of an interval's end.
-const SAME_RATIO: f64 = 1e-12;
+/// Roots closer than this are the same one, seen from both sides of an interval's end or from two parts of its rounding.
+const SAME_RATIO: f64 = 1e-9;
+/// Rounding makes a double root many changes of sign, as far from it as this where the polynomial is flat.
+const MAX_SPREAD: f64 = 1e-4;
 /// Eight roots, and what rounding makes of them where some coincide.
 const MAX_RATIOS: usize = 16;
-/// Each halving leaves one half waiting: log2(2 / `MIN_WIDTH`) + 2.
-const MAX_WAITING: usize = 24;
-
-/// Coefficients of `u^i v^(8 - i)`.
-pub type Octic = [f64; N_COEFFICIENTS];
-
 /// A ratio u : v; one of them is 1, the other at most 1 in magnitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ratio {
     pub u: f64,
     pub v: f64,
-}
-
-impl Ratio {
-    /// Value of a homogeneous polynomial.
-    pub fn value<const N: usize>(self, polynomial: &[f64; N]) -> f64 {
-        let Self { u, v } = self;
-        if v == 1.0 {
-            polynomial.iter().rev().fold(0.0, |sum, coefficient| sum * u + coefficient)
-        } else {
-            polynomial.iter().fold(0.0, |sum, coefficient| sum * v + coefficient)
-        }
-    }
 }
 
 /// The distinct real roots.
@@ -71,62 +59,65 @@ impl Ratios {
     }
 }
 
-/// Every real root of a polynomial whose largest coefficient is 1.
-pub fn real_roots(octic: &Octic) -> Ratios {
+/// Every real root of the polynomial with these values, the largest of order 1, at the [`NODES`].
+pub fn real_roots(values: &[f64; N_COEFFICIENTS]) -> Ratios {
     let mut ratios =
         Ratios { n_ratios: 0, ratios: [Ratio { u: 0.0, v: 1.0 }; MAX_RATIOS], are_clear: true };
-    add_roots(octic, &mut ratios, |u| Ratio { u, v: 1.0 });
-    let mut reversed = *octic;
-    reversed.reverse();
-    add_roots(&reversed, &mut ratios, |v| Ratio { u: 1.0, v });
+    let mut polynomial = powers(values);
+    Part { polynomial: &polynomial, is_reversed: false, ratios: &mut ratios }.add_roots();
+    polynomial.reverse();
+    Part { polynomial: &polynomial, is_reversed: true, ratios: &mut ratios }.add_roots();
     ratios
 }
 
+/// One half of the projective line: a polynomial in one unknown of -1..1, lowest power first.
+struct Part<'a> {
+    polynomial: &'a Octic,
+    /// Whether the unknown is v / u.
+    is_reversed: bool,
+    ratios: &'a mut Ratios,
+}
+
+impl Part<'_> {
+    fn add_roots(&mut self) {
+        let whole = Interval { low: -1.0, high: 1.0, bernstein: bernstein(self.polynomial) };
+        self.add_roots_in(&whole);
+    }
+
+    fn push(&mut self, x: f64) {
+        self.ratios.push(if self.is_reversed { Ratio { u: 1.0, v: x } } else { Ratio { u: x, v: 1.0 } });
+    }
+
+    fn add_roots_in(&mut self, interval: &Interval) {
+        match interval.sign_changes() {
+            0 if !interval.is_touching() => {}
+            1 => self.push(interval.only_root(self.polynomial)),
+            _ if interval.high - interval.low < MIN_WIDTH => {
+                self.ratios.are_clear = false;
+                self.push(interval.extremum(self.polynomial));
+            }
+            _ => {
+                interval.halves().iter().for_each(|half| self.add_roots_in(half));
+            }
+        }
+    }
+}
+
 /// Part of -1..1 with the polynomial's Bernstein coefficients on it.
-#[derive(Clone, Copy)]
 struct Interval {
     low: f64,
     high: f64,
     bernstein: Octic,
 }
 
-/// Adds the roots in -1..1 of a polynomial in one unknown, lowest power first.
-fn add_roots(polynomial: &Octic, ratios: &mut Ratios, ratio: impl Fn(f64) -> Ratio) {
-    let whole = Interval { low: -1.0, high: 1.0, bernstein: bernstein(polynomial) };
-    let mut waiting = [whole; MAX_WAITING];
-    let mut n_waiting = 1;
-    for end in [0, N_COEFFICIENTS - 1] {
-        if whole.bernstein[end].abs() < ZERO {
-            ratios.push(ratio(if end == 0 { -1.0 } else { 1.0 }));
-        }
-    }
-    while n_waiting > 0 {
-        n_waiting -= 1;
-        let interval = waiting[n_waiting];
-        match interval.sign_changes() {
-            0 => {}
-            1 => ratios.push(ratio(interval.only_root(polynomial))),
-            _ if interval.high - interval.low < MIN_WIDTH => {
-                ratios.are_clear = false;
-                ratios.push(ratio(interval.extremum(polynomial)));
-            }
-            _ => {
-                let [left, right] = interval.halves();
-                // A root that only touches zero just here changes no sign in either half.
-                if right.bernstein[0].abs() < ZERO {
-                    ratios.push(ratio(right.low));
-                }
-                waiting[n_waiting] = right;
-                waiting[n_waiting + 1] = left;
-                n_waiting += 2;
-            }
-        }
-    }
-}
-
 impl Interval {
     fn sign_changes(&self) -> usize {
         self.bernstein.windows(2).filter(|pair| (pair[0] >= 0.0) != (pair[1] >= 0.0)).count()
+    }
+
+    /// Whether rounding may have lifted a double root off zero.
+    fn is_touching(&self) -> bool {
+        self.bernstein.iter().any(|coefficient| coefficient.abs() < ZERO)
     }
 
     /// De Casteljau's scheme at the middle.
@@ -150,12 +141,12 @@ impl Interval {
 
     /// The root where the coefficients change sign once: Newton's method, kept within the ends by bisection.
     fn only_root(&self, polynomial: &Octic) -> f64 {
-        let is_high_at_low = self.bernstein[0] >= 0.0;
+        let is_positive_at_low = self.bernstein[0] >= 0.0;
         let (mut low, mut high) = (self.low, self.high);
         let mut x = self.crossing();
         for _ in 0..MAX_STEPS {
-            let [value, slope, _] = value_and_derivatives(polynomial, x);
-            if (value >= 0.0) == is_high_at_low {
+            let (value, slope) = value_and_slope(polynomial, x);
+            if (value >= 0.0) == is_positive_at_low {
                 low = x;
             } else {
                 high = x;
@@ -185,9 +176,9 @@ impl Interval {
         let middle = 0.5 * (self.low + self.high);
         let mut x = middle;
         for _ in 0..3 {
-            let [_, slope, curvature] = value_and_derivatives(polynomial, x);
+            let (slope, curvature) = slope_and_curvature(polynomial, x);
             let next = x - slope / curvature;
-            if !((next - middle).abs() < 4.0 * MIN_WIDTH) {
+            if !((next - middle).abs() < MAX_SPREAD) {
                 return middle;
             }
             x = next;
@@ -196,64 +187,52 @@ impl Interval {
     }
 }
 
-/// Value, first and second derivative.
+/// Value and first derivative.
 #[inline]
-fn value_and_derivatives(polynomial: &Octic, x: f64) -> [f64; 3] {
-    let (mut value, mut slope, mut half_curvature) = (0.0, 0.0, 0.0);
+fn value_and_slope(polynomial: &Octic, x: f64) -> (f64, f64) {
+    let (mut value, mut slope) = (0.0, 0.0);
     for coefficient in polynomial.iter().rev() {
-        half_curvature = half_curvature * x + slope;
         slope = slope * x + value;
         value = value * x + coefficient;
     }
-    [value, slope, 2.0 * half_curvature]
+    (value, slope)
 }
 
-/// Bernstein coefficients on -1..1.
-fn bernstein(polynomial: &Octic) -> Octic {
-    let mut coefficients = [0.0; N_COEFFICIENTS];
-    for (power, coefficient) in polynomial.iter().enumerate() {
-        for (sum, of_power) in coefficients.iter_mut().zip(&BERNSTEIN_OF_POWERS[power]) {
-            *sum += coefficient * of_power;
+/// First and second derivative.
+fn slope_and_curvature(polynomial: &Octic, x: f64) -> (f64, f64) {
+    let mut derivative = [0.0; N_COEFFICIENTS];
+    for power in 1..N_COEFFICIENTS {
+        derivative[power - 1] = power as f64 * polynomial[power];
+    }
+    value_and_slope(&derivative, x)
+}
+
+/// Coefficients of `u^i v^(8 - i)`.
+fn powers(values: &[f64; N_COEFFICIENTS]) -> Octic {
+    let mut powers = [0.0; N_COEFFICIENTS];
+    for (value, of_value) in values.iter().zip(&POWERS_OF_VALUES) {
+        for (power, factor) in powers.iter_mut().zip(of_value) {
+            *power += value * factor;
         }
+    }
+    powers
+}
+
+/// Bernstein coefficients on -1..1: those of even powers are symmetric, those of odd ones antisymmetric.
+fn bernstein(polynomial: &Octic) -> Octic {
+    let (mut even, mut odd) = ([0.0; N_COEFFICIENTS / 2 + 1], [0.0; N_COEFFICIENTS / 2 + 1]);
+    for (power, (coefficient, of_power)) in polynomial.iter().zip(&BERNSTEIN_OF_POWERS).enumerate() {
+        let sums = if power.is_multiple_of(2) { &mut even } else { &mut odd };
+        for (sum, factor) in sums.iter_mut().zip(of_power) {
+            *sum += coefficient * factor;
+        }
+    }
+    let mut coefficients = [0.0; N_COEFFICIENTS];
+    for i in 0..even.len() {
+        coefficients[i] = even[i] + odd[i];
+        coefficients[N_COEFFICIENTS - 1 - i] = even[i] - odd[i];
     }
     coefficients
-}
-
-const BERNSTEIN_OF_POWERS: [Octic; N_COEFFICIENTS] = bernstein_of_powers();
-
-/// With t = (x + 1) / 2: `x^k = (t - (1 - t))^k (t + (1 - t))^(8 - k)`, expanded in `C(8, i) t^i (1 - t)^(8 - i)`.
-const fn bernstein_of_powers() -> [Octic; N_COEFFICIENTS] {
-    let degree = N_COEFFICIENTS - 1;
-    let mut table = [[0.0; N_COEFFICIENTS]; N_COEFFICIENTS];
-    let mut k = 0;
-    while k <= degree {
-        let mut i = 0;
-        while i <= degree {
-            let mut j = 0;
-            while j <= i && j <= k {
-                let sign = if (k - j) % 2 == 0 { 1.0 } else { -1.0 };
-                table[k][i] +=
-                    sign * (binomial(k, j) * binomial(degree - k, i - j)) as f64 / binomial(degree, i) as f64;
-                j += 1;
-            }
-            i += 1;
-        }
-        k += 1;
-    }
-    table
-}
-
-const fn binomial(n: usize, k: usize) -> usize {
-    if k > n {
-        return 0;
-    }
-    let mut value = 1;
-    let mut i = 0;
-    while i < k {
-        value = value * (n - i) / (i + 1);
-        i += 1;
-    }
-    value
 }
 
 #[cfg(test)]
@@ -273,9 +252,40 @@ mod tests {
         octic.map(|value| value / largest)
     }
 
+    fn values(octic: &Octic) -> [f64; N_COEFFICIENTS] {
+        NODES.map(|(u, v)| {
+            let power = |i: usize| u.powi(i as i32) * v.powi(8 - i as i32);
+            octic.iter().enumerate().map(|(i, coefficient)| coefficient * power(i)).sum()
+        })
+    }
+
+    #[test]
+    fn nine_values_give_the_coefficients() {
+        let octic = with_roots([-7.0, -2.5, -0.9, -0.1, 0.0, 0.35, 1.0, 12.0]);
+        for (found, expected) in powers(&values(&octic)).iter().zip(octic) {
+            assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn bernstein_coefficients_give_the_values_at_both_ends_and_in_the_middle() {
+        let octic = with_roots([-7.0, -2.5, -0.9, -0.1, 0.2, 0.35, 1.5, 12.0]);
+        let whole = Interval { low: -1.0, high: 1.0, bernstein: bernstein(&octic) };
+        let [left, right] = whole.halves();
+        let at = |x| value_and_slope(&octic, x).0;
+        for (found, expected) in [
+            (whole.bernstein[0], at(-1.0)),
+            (whole.bernstein[8], at(1.0)),
+            (left.bernstein[8], at(0.0)),
+            (right.halves()[0].bernstein[8], at(0.5)),
+        ] {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
+    }
+
     #[track_caller]
     fn check(octic: &Octic, expected: &[f64], tolerance: f64) {
-        let found = real_roots(octic);
+        let found = real_roots(&values(octic));
         let mut found: Vec<f64> = found.as_slice().iter().map(|ratio| ratio.u / ratio.v).collect();
         found.sort_by(f64::total_cmp);
         for root in expected {
@@ -289,8 +299,8 @@ mod tests {
     #[test]
     fn eight_simple_roots_on_both_sides_of_one_are_found() {
         let roots = [-7.0, -2.5, -0.9, -0.1, 0.0, 0.35, 1.0, 12.0];
-        check(&with_roots(roots), &roots, 1e-9);
-        assert!(real_roots(&with_roots(roots)).are_clear);
+        check(&with_roots(roots), &roots, 1e-7);
+        assert!(real_roots(&values(&with_roots(roots))).are_clear);
     }
 
     #[test]
@@ -302,16 +312,16 @@ mod tests {
     fn a_double_root_is_found_and_said_to_be_unclear() {
         for double in [0.5, 0.3, 0.0, -1.0, 3.7] {
             let roots = [double, double, -0.6, 0.8, 2.0, -3.0, 5.0, -8.0];
-            check(&with_roots(roots), &roots[1..], 1e-6);
+            check(&with_roots(roots), &roots[1..], MAX_SPREAD);
         }
         let roots = [0.3, 0.3, -0.6, 0.8, 2.0, -3.0, 5.0, -8.0];
-        assert!(!real_roots(&with_roots(roots)).are_clear);
+        assert!(!real_roots(&values(&with_roots(roots))).are_clear);
     }
 
     #[test]
     fn a_root_at_infinity_is_the_ratio_one_to_nothing() {
         let mut octic = with_roots([0.0, 0.2, -0.4, 0.7, 3.0, 4.0, -5.0, 0.9]);
         octic.reverse();
-        assert!(real_roots(&octic).as_slice().iter().any(|ratio| ratio.u == 1.0 && ratio.v.abs() < 1e-12));
+        assert!(real_roots(&values(&octic)).as_slice().iter().any(|ratio| ratio.u == 1.0 && ratio.v.abs() < 1e-12));
     }
 }
