@@ -283,7 +283,7 @@ fn a_double_root_is_given_once() {
         quadrics -= quadrics * r * r.transpose() / r.norm_squared();
         quadrics -= quadrics * along * along.transpose() / along.norm_squared();
         let roots = check_no_false_root(&quadrics);
-        let near = roots.as_slice().iter().filter(|root| (root.push(1.0) - point).norm() < 1e-3).count();
+        let near = roots.as_slice().iter().filter(|root| (root.push(1.0) - point).norm() < 1e-4).count();
         assert!(near < 2, "{point} {:?}", roots.as_slice());
         n_found += near;
     }

@@ -89,16 +89,19 @@ impl Part<'_> {
     }
 
     fn add_roots_in(&mut self, interval: &Interval) {
+        let is_narrow = interval.high - interval.low < MIN_WIDTH;
         match interval.sign_changes() {
             0 if !interval.is_touching() => {}
-            1 => self.push(interval.only_root(self.polynomial)),
-            _ if interval.high - interval.low < MIN_WIDTH => {
-                self.ratios.are_clear = false;
-                self.push(interval.extremum(self.polynomial));
+            1 if is_narrow || !interval.is_touching() => self.push(interval.only_root(self.polynomial)),
+            n_changes if is_narrow => {
+                let extremum = interval.extremum(self.polynomial);
+                // Without one, what touches zero is the end of a neighbour that has a simple root.
+                if n_changes > 0 || extremum.is_some() {
+                    self.ratios.are_clear = false;
+                    self.push(extremum.unwrap_or(interval.low));
+                }
             }
-            _ => {
-                interval.halves().iter().for_each(|half| self.add_roots_in(half));
-            }
+            _ => interval.halves().iter().for_each(|half| self.add_roots_in(half)),
         }
     }
 }
@@ -172,18 +175,17 @@ impl Interval {
     }
 
     /// Where the polynomial touches zero, nearly: its extremum in or near the interval.
-    fn extremum(&self, polynomial: &Octic) -> f64 {
+    fn extremum(&self, polynomial: &Octic) -> Option<f64> {
         let middle = 0.5 * (self.low + self.high);
         let mut x = middle;
         for _ in 0..3 {
             let (slope, curvature) = slope_and_curvature(polynomial, x);
-            let next = x - slope / curvature;
-            if !((next - middle).abs() < MAX_SPREAD) {
-                return middle;
+            x -= slope / curvature;
+            if !((x - middle).abs() < MAX_SPREAD) {
+                return None;
             }
-            x = next;
         }
-        x
+        Some(x)
     }
 }
 
@@ -241,7 +243,7 @@ mod tests {
 
     /// Coefficients of the product of (x - root), lowest power first.
     fn with_roots(roots: [f64; 8]) -> Octic {
-        let mut octic = [0.0; 9];
+        let mut octic: Octic = [0.0; 9];
         octic[0] = 1.0;
         for (degree, root) in roots.into_iter().enumerate() {
             for i in (0..=degree + 1).rev() {
