@@ -1,6 +1,7 @@
 //! From lines seen by several cameras to the extrinsics of the rig.
 
 pub mod association;
+mod axes;
 pub mod candidates;
 pub mod consensus;
 pub mod evidence;

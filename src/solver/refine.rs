@@ -46,8 +46,13 @@ pub fn refine(
     start: &Motion,
     (noise_scale, max_steps): (f64, usize),
 ) -> Refined {
+    descend(start, max_steps, |pose| NormalEquations::at(scene, matches, pose, noise_scale))
+}
+
+/// Levenberg-Marquardt from `start` over the robust cost that `system_at` sums at a pose, in at most `max_steps`.
+pub fn descend(start: &Motion, max_steps: usize, system_at: impl Fn(&Motion) -> NormalEquations) -> Refined {
     let mut pose = *start;
-    let mut system = NormalEquations::at(scene, matches, &pose, noise_scale);
+    let mut system = system_at(&pose);
     let mut damping = 1e-4;
     let mut stop = Stop::StepLimit;
     for _ in 0..max_steps {
@@ -56,7 +61,7 @@ pub fn refine(
             break;
         };
         let next_pose = updated(&pose, &step);
-        let next = NormalEquations::at(scene, matches, &next_pose, noise_scale);
+        let next = system_at(&next_pose);
         if next.cost <= system.cost {
             pose = next_pose;
             system = next;
