@@ -8,6 +8,7 @@ pub mod evidence;
 pub mod free_space;
 pub mod joint;
 pub mod line_pair;
+pub mod matched;
 pub mod refine;
 pub mod residual;
 pub mod result;

@@ -94,27 +94,36 @@ pub struct NormalEquations {
 impl NormalEquations {
     /// Sums the matches (indices of candidates) at a pose.
     pub fn at(scene: &Scene<'_>, matches: &[usize], pose: &Motion, noise_scale: f64) -> Self {
-        let mut sum = Self { cost: 0.0, information: Matrix6::zeros(), gradient: Vector6::zeros() };
-        let width2 = LOSS_WIDTH * LOSS_WIDTH;
+        let mut sum = Self::zero();
         for &idx in matches {
             let found = scene
                 .pair
                 .pair(&scene.candidates[idx])
                 .and_then(|(target, source)| match_residual(target, source, pose));
-            let whitened = found.and_then(|found| Whitened::new(&found, noise_scale));
-            let Some(whitened) = whitened else {
-                // A line that predicts nothing here must not look better than a bad match.
-                sum.cost += 0.5 * width2 * (1.0 + 10.0 * MAX_DISTANCE2 / width2).ln();
-                continue;
-            };
-            // Cauchy: rho = w²/2 ln(1 + d²/w²), weight 1 / (1 + d²/w²).
-            let ratio = whitened.distance2 / width2;
-            let weight = 1.0 / (1.0 + ratio);
-            sum.cost += 0.5 * width2 * ratio.ln_1p();
-            sum.information += whitened.information * weight;
-            sum.gradient += whitened.gradient * weight;
+            sum.add(found.and_then(|found| Whitened::new(&found, noise_scale)), LOSS_WIDTH);
         }
         sum
+    }
+
+    /// Nothing summed yet.
+    pub fn zero() -> Self {
+        Self { cost: 0.0, information: Matrix6::zeros(), gradient: Vector6::zeros() }
+    }
+
+    /// Adds one match under a Cauchy loss of this width in standard deviations; `None` is a line that predicts nothing.
+    pub fn add(&mut self, whitened: Option<Whitened>, loss_width: f64) {
+        let width2 = loss_width * loss_width;
+        let Some(whitened) = whitened else {
+            // It must not look better than a bad match.
+            self.cost += 0.5 * width2 * (1.0 + 10.0 * MAX_DISTANCE2 / width2).ln();
+            return;
+        };
+        // Cauchy: rho = w²/2 ln(1 + d²/w²), weight 1 / (1 + d²/w²).
+        let ratio = whitened.distance2 / width2;
+        let weight = 1.0 / (1.0 + ratio);
+        self.cost += 0.5 * width2 * ratio.ln_1p();
+        self.information += whitened.information * weight;
+        self.gradient += whitened.gradient * weight;
     }
 
     /// The same with every weight multiplied by a factor.
