@@ -132,7 +132,8 @@ impl NormalEquations {
         Self { cost: cost * factor, information: information * factor, gradient: gradient * factor }
     }
 
-    fn step(&self, damping: f64) -> Option<Vector6<f64>> {
+    /// The step to the minimum of the quadratic model, shortened by the damping; `None` when the matches fix no pose.
+    pub fn step(&self, damping: f64) -> Option<Vector6<f64>> {
         let mut damped = self.information;
         for axis in 0..6 {
             damped[(axis, axis)] += damping * self.information[(axis, axis)] + 1e-9;
@@ -167,14 +168,33 @@ impl Whitened {
 fn whitened<const D: usize>(
     residual: &SVector<f64, D>,
     d_residual_d_pose: &SMatrix<f64, D, 6>,
-    covariance: SMatrix<f64, D, D>,
+    mut covariance: SMatrix<f64, D, D>,
 ) -> Option<Whitened> {
-    let cholesky = covariance.cholesky()?;
-    let weighted_jacobian = cholesky.solve(d_residual_d_pose);
-    let weighted_residual = cholesky.solve(residual);
+    // Forward elimination of [Σ | J | r]: with Σ = L Lᵀ what is left are the whitened rows L⁻¹ J and L⁻¹ r.
+    let (mut rows, mut numbers) = (*d_residual_d_pose, *residual);
+    for k in 0..D {
+        if covariance[(k, k)] <= 0.0 || covariance[(k, k)].is_nan() {
+            return None;
+        }
+        let scale = 1.0 / covariance[(k, k)].sqrt();
+        numbers[k] *= scale;
+        for axis in 0..6 {
+            rows[(k, axis)] *= scale;
+        }
+        for i in k + 1..D {
+            let factor = covariance[(i, k)] * scale;
+            numbers[i] -= factor * numbers[k];
+            for axis in 0..6 {
+                rows[(i, axis)] -= factor * rows[(k, axis)];
+            }
+            for j in k + 1..=i {
+                covariance[(i, j)] -= factor * covariance[(j, k)] * scale;
+            }
+        }
+    }
     Some(Whitened {
-        distance2: residual.dot(&weighted_residual),
-        information: d_residual_d_pose.transpose() * weighted_jacobian,
-        gradient: d_residual_d_pose.transpose() * weighted_residual,
+        distance2: numbers.norm_squared(),
+        information: rows.tr_mul(&rows),
+        gradient: rows.tr_mul(&numbers),
     })
 }

@@ -1,10 +1,11 @@
 //! Draws pairs of matches until a better pose is as good as impossible, and keeps the poses that most matches agree with.
 
+use nalgebra::{Rotation3, UnitQuaternion};
+
 use super::sample::{Placement, for_each_pose};
 use super::score::{Score, score};
 use super::sight::Sights;
 use crate::geometry::motion::Motion;
-use nalgebra::{Rotation3, UnitQuaternion};
 
 /// Most draws: enough for one match in twelve being right.
 const MAX_DRAWS: usize = 6000;
@@ -13,7 +14,9 @@ const MISS_CHANCE: f64 = 1e-6;
 /// Share of the draws of two right matches that lead to the right pose: the others are nearly parallel, or too noisy.
 const GOOD_SHARE: f64 = 0.25;
 /// A pose is only kept while it scores this share of the best: others are no rivals.
-const RIVAL_SHARE: f64 = 0.5;
+const RIVAL_SHARE: f64 = 0.4;
+/// What a pose from a draw scores at least of what it will at its minimum.
+const DRAWN_SHARE: f64 = 0.4;
 /// Poses kept.
 const MAX_LEADERS: usize = 4;
 /// Poses from draws closer than this, rad and m, are taken for the same pose.
@@ -42,7 +45,9 @@ impl Generator {
 }
 
 /// The poses that explain most, best first; empty when no two matches fit each other.
-pub fn leaders(sights: &Sights<'_>) -> Vec<Motion> {
+///
+/// `least` is the least score, in perfect full matches at the minimum, that is worth finding.
+pub fn leaders(sights: &Sights<'_>, least: f64) -> Vec<Motion> {
     let n = sights.placed.len();
     if n < 2 {
         return Vec::new();
@@ -51,23 +56,25 @@ pub fn leaders(sights: &Sights<'_>) -> Vec<Motion> {
     let n_scored_full = scored.iter().filter(|sight| sight.inverse_depth_per_m.is_some()).count();
     let mut generator = Generator::new();
     let mut leaders: Vec<(Placement, Score)> = Vec::with_capacity(MAX_LEADERS + 1);
-    let (mut drawn, mut needed) = (0, MAX_DRAWS);
+    let least_right = least / sights.highest_score();
+    let least_score = (DRAWN_SHARE * least).max(1.0);
+    let (mut drawn, mut needed) = (0, draws_needed(least_right));
     while drawn < needed {
         drawn += 1;
         let first = generator.below(n);
         let second = (first + 1 + generator.below(n - 1)) % n;
         for_each_pose(&sights.placed[first], &sights.placed[second], |placement| {
             let best = leaders.first().map_or(0.0, |(_, best)| best.sum);
-            if let Some(found) = score(scored, placement, (RIVAL_SHARE * best).max(1.0)) {
+            if let Some(found) = score(scored, placement, (RIVAL_SHARE * best).max(least_score)) {
                 keep(&mut leaders, (*placement, found));
             }
         });
         if let Some((_, best)) = leaders.first() {
-            needed = draws_needed(best.n_full as f64 / n_scored_full as f64);
+            needed = draws_needed(least_right.max(best.n_full as f64 / n_scored_full as f64));
         }
     }
-    let least = leaders.first().map_or(0.0, |(_, best)| RIVAL_SHARE * best.sum);
-    leaders.iter().filter(|(_, score)| score.sum >= least).map(|(placement, _)| placement.motion()).collect()
+    let kept = leaders.first().map_or(0.0, |(_, best)| RIVAL_SHARE * best.sum);
+    leaders.iter().filter(|(_, score)| score.sum >= kept).map(|(placement, _)| placement.motion()).collect()
 }
 
 /// Draws after which two right matches, of a share `right` of all, were missed with less than [`MISS_CHANCE`].

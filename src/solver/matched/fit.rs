@@ -4,15 +4,17 @@
 use nalgebra::Matrix6;
 
 use super::sight::Sights;
-use crate::geometry::motion::Motion;
+use crate::geometry::motion::{Motion, updated};
 use crate::solver::line_pair::{LinePair, TargetSide};
-use crate::solver::refine::{NormalEquations, Refined, Whitened, descend};
+use crate::solver::refine::{NormalEquations, Whitened, descend};
 use crate::solver::residual::{match_residual, offset_residual};
 
-/// Widths of the Cauchy loss and steps with each, from far off to near the minimum; widths in standard deviations of a match.
-const ROUGH: [(f64, usize); 2] = [(30.0, 4), (10.0, 3)];
-/// The same at the minimum.
-const FINE: (f64, usize) = (3.0, 20);
+/// Widths of the Cauchy loss for the steps from far off to near the minimum, in standard deviations of a match.
+const ROUGH_WIDTHS: [f64; 5] = [30.0, 30.0, 10.0, 10.0, 5.0];
+/// The same at the minimum: true matches lie near 2.
+const FINE_WIDTH: f64 = 4.0;
+/// Most steps at the minimum (4 to 8 are needed).
+const FINE_STEPS: usize = 20;
 /// Squared whitened distances within which a match agrees: 99.9 % of chi-square for the four numbers of a full match ...
 const GATE_FULL: f64 = 18.5;
 /// ... and for the two of a PnL match.
@@ -39,24 +41,25 @@ pub struct Fit {
 
 /// Takes a pose from a draw near its minimum.
 pub fn roughly(sights: &Sights<'_>, start: &Motion) -> Fit {
-    let pose = ROUGH.iter().fold(*start, |pose, &stage| refined(sights, &pose, stage).target_from_source);
-    Fit::at(sights, &pose, ROUGH_GATE)
+    let step_from = |pose: Motion, &loss_width: &f64| match system(sights, &pose, loss_width).step(0.0) {
+        Some(step) => updated(&pose, &step),
+        None => pose,
+    };
+    Fit::at(sights, &ROUGH_WIDTHS.iter().fold(*start, step_from), ROUGH_GATE)
 }
 
-/// The maximum-likelihood pose of the matches that agree, from near it.
+/// The pose of maximum likelihood, but for a robust loss, from near it.
 pub fn finely(sights: &Sights<'_>, rough: &Fit) -> Fit {
-    let pose = refined(sights, &rough.pose, FINE).target_from_source;
-    Fit::at(sights, &pose, 1.0)
+    let refined = descend(&rough.pose, FINE_STEPS, |pose| system(sights, pose, FINE_WIDTH));
+    Fit::at(sights, &refined.target_from_source, 1.0)
 }
 
-fn refined(sights: &Sights<'_>, start: &Motion, (loss_width, max_steps): (f64, usize)) -> Refined {
-    descend(start, max_steps, |pose| {
-        let mut sum = NormalEquations::zero();
-        for pair in &sights.pairs {
-            sum.add(whitened(pair, pose, 1.0), loss_width);
-        }
-        sum
-    })
+fn system(sights: &Sights<'_>, pose: &Motion, loss_width: f64) -> NormalEquations {
+    let mut sum = NormalEquations::zero();
+    for pair in &sights.pairs {
+        sum.add(whitened(pair, pose, 1.0), loss_width);
+    }
+    sum
 }
 
 /// One match's part of the normal equations; `None` where the source line predicts nothing.

@@ -57,7 +57,7 @@ impl Default for MatchedLimits {
         Self {
             min_matches: 6,
             max_chance: 1e-3,
-            min_lead: 1.4,
+            min_lead: 2.0,
             max_sigma_translation_m: 0.004,
             max_sigma_rotation_rad: 0.0022,
         }
@@ -67,13 +67,14 @@ impl Default for MatchedLimits {
 /// Finds the pose that the matches agree on, and judges it.
 pub fn solve_matches(pairs: &[LinePair], limits: &MatchedLimits) -> MatchedSolution {
     let sights = Sights::new(pairs);
-    let mut fits: Vec<Fit> = draw::leaders(&sights).iter().map(|pose| fit::roughly(&sights, pose)).collect();
-    // Stable: of equals the first drawn stays first, so that the answer is always the same.
-    fits.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let fits = rough_fits(&sights, 0.0);
     let Some(best) = fits.first().map(|rough| fit::finely(&sights, rough)) else {
         return unsolved(verdict::without_pose(&sights));
     };
-    let rival = fits.iter().find(|other| verdict::really_differ(&best.pose, &other.pose));
+    // A rival either explains the same matches in another way, or is what the other matches agree on.
+    let mirrored = fits.into_iter().find(|other| verdict::really_differ(&best.pose, &other.pose));
+    let rivals = [mirrored, elsewhere(&sights, &best, limits)];
+    let rival = rivals.iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score));
     let verdict = verdict::judge(&verdict::Bench { sights: &sights, best: &best, rival, limits });
     let mut inliers: Vec<usize> = best.inliers.iter().map(|&at| sights.order[at]).collect();
     inliers.sort_unstable();
@@ -87,6 +88,22 @@ pub fn solve_matches(pairs: &[LinePair], limits: &MatchedLimits) -> MatchedSolut
         },
         Err(objection) => MatchedSolution { inliers, ..unsolved(objection) },
     }
+}
+
+/// Poses near their minimum that explain `least` or more, the one that explains most first.
+fn rough_fits(sights: &Sights<'_>, least: f64) -> Vec<Fit> {
+    let leaders = draw::leaders(sights, least);
+    let mut fits: Vec<Fit> = leaders.iter().map(|pose| fit::roughly(sights, pose)).collect();
+    // Stable: of equals the first drawn stays first, so that the answer is always the same.
+    fits.sort_by(|a, b| b.score.total_cmp(&a.score));
+    fits
+}
+
+/// What the matches that do not agree with the best pose agree on; `None` when they are too few to matter.
+fn elsewhere(sights: &Sights<'_>, best: &Fit, limits: &MatchedLimits) -> Option<Fit> {
+    let others = sights.without(&best.inliers);
+    let least = best.score / limits.min_lead;
+    if least > others.highest_score() { None } else { rough_fits(&others, least).into_iter().next() }
 }
 
 fn unsolved((state, reason): (State, Reason)) -> MatchedSolution {

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::sight::{PlacedLine, PlacedPair};
 
 /// Two lines closer to parallel than this fix no rotation: cosine of 14 degrees.
-const MAX_COSINE: f64 = 0.97;
+pub const MAX_COSINE: f64 = 0.97;
 /// Angles between lines of one frame and the other may differ by this many standard deviations ...
 const MAX_SIGMAS: f64 = 4.0;
 /// ... and by this, rad and m, which noise models leave out.

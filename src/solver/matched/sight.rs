@@ -62,7 +62,17 @@ impl<'a> Sights<'a> {
         for at in (1..order.len()).rev() {
             order.swap(at, generator.below(at + 1));
         }
-        let pairs: Vec<&LinePair> = order.iter().map(|&index| &pairs[index]).collect();
+        Self::of(order.iter().map(|&index| (index, &pairs[index])).collect())
+    }
+
+    /// Those of the matches that are not at these positions (ascending), in the same order.
+    pub fn without(&self, positions: &[usize]) -> Self {
+        let left = (0..self.pairs.len()).filter(|at| positions.binary_search(at).is_err());
+        Self::of(left.map(|at| (self.order[at], self.pairs[at])).collect())
+    }
+
+    fn of(listed: Vec<(usize, &'a LinePair)>) -> Self {
+        let (order, pairs): (Vec<usize>, Vec<&LinePair>) = listed.into_iter().unzip();
         let sights = pairs.iter().map(|pair| Sight::new(pair)).collect();
         let placed = pairs.iter().filter_map(|pair| {
             Some(PlacedPair {
@@ -72,6 +82,12 @@ impl<'a> Sights<'a> {
         });
         let placed = placed.collect();
         Self { pairs, order, sights, placed }
+    }
+
+    /// What a pose that explains all of them perfectly would score.
+    pub fn highest_score(&self) -> f64 {
+        let n_full = self.placed.len();
+        n_full as f64 + 0.5 * (self.pairs.len() - n_full) as f64
     }
 }
 

@@ -3,12 +3,13 @@
 //! Never a wrong pose called converged: each test guards against another way of being wrong, and each objection has its numbers
 //! and what to do next.
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, Vector3, Vector4, Vector6};
 
 use super::MatchedLimits;
 use super::draw::Generator;
 use super::fit::{Fit, MAX_NOISE_SCALE, whitened};
-use super::sight::{Sights, places_px};
+use super::sample::MAX_COSINE;
+use super::sight::{PlacedPair, Sights, places_px};
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use crate::solver::axes::{in_words, worst_axis};
 use crate::solver::evidence::EvidenceLine;
@@ -66,17 +67,36 @@ pub fn without_pose(sights: &Sights<'_>) -> Objection {
         let sentence = "there is no matched line: show straight edges that run through both cameras";
         return object(State::Collecting, ReasonCode::NoLines, sentence.to_owned());
     }
+    if are_parallel(sights) {
+        let sentence = format!(
+            "all {n_full} matches with depth in both cameras are parallel within 14 deg, which fixes no pose: show edges in other \
+             directions too"
+        );
+        return object(State::Degenerate, ReasonCode::AxisUnobservable, sentence);
+    }
     let sentence = if n_full < 2 {
         format!(
             "{n_full} of {n} matches have depth in both cameras, needed are 2: show edges where both cameras measure depth"
         )
     } else {
         format!(
-            "no two of {n_full} matches with depth in both cameras lie to each other alike in both (parallel ones do not \
-             count): show edges in several directions, and check the matches"
+            "no two of {n_full} matches with depth in both cameras lie to each other alike in both: show more edges in several \
+             directions, and check the matches"
         )
     };
     object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence)
+}
+
+fn are_parallel(sights: &Sights<'_>) -> bool {
+    let is_parallel = |a: &Vector3<f64>, b: &Vector3<f64>| a.dot(b).abs() > MAX_COSINE;
+    let along = |first: &PlacedPair, other: &PlacedPair| {
+        is_parallel(&first.source.direction, &other.source.direction)
+            || is_parallel(&first.target.direction, &other.target.direction)
+    };
+    match sights.placed.as_slice() {
+        [first, others @ ..] => !others.is_empty() && others.iter().all(|other| along(first, other)),
+        [] => false,
+    }
 }
 
 fn object(state: State, code: ReasonCode, sentence: String) -> Objection {
@@ -209,7 +229,7 @@ fn noise_made(bench: &Bench<'_>) -> Matrix6<f64> {
 fn shaken(line: &EvidenceLine, signs: &mut Generator, noise_scale: f64) -> EvidenceLine {
     let mut shaken = line.clone();
     let Some(cholesky) = line.covariance.cholesky() else { return shaken };
-    let signs = nalgebra::Vector4::from_fn(|_, _| if signs.below(2) == 0 { -1.0 } else { 1.0 });
+    let signs = Vector4::from_fn(|_, _| if signs.below(2) == 0 { -1.0 } else { 1.0 });
     let noise = cholesky.l() * signs * noise_scale;
     for (end_m, derivative) in shaken.ends_m.iter_mut().zip(line.d_ends_d_measurement()) {
         *end_m += derivative * noise;
