@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::ipc::InstanceName;
 
@@ -39,6 +39,8 @@ pub enum Command {
     Calibrate(CalibrateArgs),
     /// Calibrate every recording below that has ground_truth.yaml, and print the errors.
     Evaluate(EvaluateArgs),
+    /// Solve sets of matched line pairs with the estimators alone, and print poses, errors and times.
+    Solve(SolveArgs),
     /// Print what the daemon is doing.
     Status(Output),
     /// Print every result and the progress of the daemon until stopped.
@@ -90,6 +92,53 @@ pub struct EvaluateArgs {
     /// Form of the answer.
     #[command(flatten)]
     pub output: Output,
+}
+
+/// `solve`.
+#[derive(Debug, Args)]
+pub struct SolveArgs {
+    /// File with one problem a line, as JSON.
+    #[arg(value_name = "PAIRS.jsonl")]
+    pub pairs: PathBuf,
+    /// Which estimator solves.
+    #[arg(long, value_enum, default_value_t)]
+    pub estimator: EstimatorChoice,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// An estimator of one pose from matched line pairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Estimator {
+    /// Consensus over the matches.
+    Consensus,
+}
+
+impl Estimator {
+    /// Its name in arguments and documents.
+    pub fn name(self) -> &'static str {
+        match self {
+            Estimator::Consensus => "consensus",
+        }
+    }
+}
+
+/// What `--estimator` asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum EstimatorChoice {
+    /// Consensus over the matches.
+    #[default]
+    Consensus,
+}
+
+impl EstimatorChoice {
+    /// The estimators, in the order of their answers.
+    pub fn estimators(self) -> &'static [Estimator] {
+        match self {
+            EstimatorChoice::Consensus => &[Estimator::Consensus],
+        }
+    }
 }
 
 /// `recalibrate`.

@@ -10,8 +10,10 @@ pub mod exit;
 mod interrupt;
 mod online;
 mod output;
+mod pairs_file;
 mod progress;
 mod record;
+mod solve;
 pub mod talk;
 mod watch;
 
@@ -36,6 +38,7 @@ fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError
     match command {
         Command::Calibrate(args) => calibrate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Solve(args) => solve::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
         Command::Status(output) => online::status(instance, *output),

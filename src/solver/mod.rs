@@ -1,6 +1,7 @@
 //! From lines seen by several cameras to the extrinsics of the rig.
 
 pub mod association;
+mod axes;
 pub mod candidates;
 pub mod consensus;
 pub mod evidence;
@@ -8,6 +9,7 @@ pub mod free_space;
 pub mod joint;
 pub mod line_pair;
 pub mod paper;
+pub mod matched;
 pub mod refine;
 pub mod residual;
 pub mod result;

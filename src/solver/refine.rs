@@ -46,8 +46,13 @@ pub fn refine(
     start: &Motion,
     (noise_scale, max_steps): (f64, usize),
 ) -> Refined {
+    descend(start, max_steps, |pose| NormalEquations::at(scene, matches, pose, noise_scale))
+}
+
+/// Levenberg-Marquardt from `start` over the robust cost that `system_at` sums at a pose, in at most `max_steps`.
+pub fn descend(start: &Motion, max_steps: usize, system_at: impl Fn(&Motion) -> NormalEquations) -> Refined {
     let mut pose = *start;
-    let mut system = NormalEquations::at(scene, matches, &pose, noise_scale);
+    let mut system = system_at(&pose);
     let mut damping = 1e-4;
     let mut stop = Stop::StepLimit;
     for _ in 0..max_steps {
@@ -56,7 +61,7 @@ pub fn refine(
             break;
         };
         let next_pose = updated(&pose, &step);
-        let next = NormalEquations::at(scene, matches, &next_pose, noise_scale);
+        let next = system_at(&next_pose);
         if next.cost <= system.cost {
             pose = next_pose;
             system = next;
@@ -89,27 +94,36 @@ pub struct NormalEquations {
 impl NormalEquations {
     /// Sums the matches (indices of candidates) at a pose.
     pub fn at(scene: &Scene<'_>, matches: &[usize], pose: &Motion, noise_scale: f64) -> Self {
-        let mut sum = Self { cost: 0.0, information: Matrix6::zeros(), gradient: Vector6::zeros() };
-        let width2 = LOSS_WIDTH * LOSS_WIDTH;
+        let mut sum = Self::zero();
         for &idx in matches {
             let found = scene
                 .pair
                 .pair(&scene.candidates[idx])
                 .and_then(|(target, source)| match_residual(target, source, pose));
-            let whitened = found.and_then(|found| Whitened::new(&found, noise_scale));
-            let Some(whitened) = whitened else {
-                // A line that predicts nothing here must not look better than a bad match.
-                sum.cost += 0.5 * width2 * (1.0 + 10.0 * MAX_DISTANCE2 / width2).ln();
-                continue;
-            };
-            // Cauchy: rho = w²/2 ln(1 + d²/w²), weight 1 / (1 + d²/w²).
-            let ratio = whitened.distance2 / width2;
-            let weight = 1.0 / (1.0 + ratio);
-            sum.cost += 0.5 * width2 * ratio.ln_1p();
-            sum.information += whitened.information * weight;
-            sum.gradient += whitened.gradient * weight;
+            sum.add(found.and_then(|found| Whitened::new(&found, noise_scale)), LOSS_WIDTH);
         }
         sum
+    }
+
+    /// Nothing summed yet.
+    pub fn zero() -> Self {
+        Self { cost: 0.0, information: Matrix6::zeros(), gradient: Vector6::zeros() }
+    }
+
+    /// Adds one match under a Cauchy loss of this width in standard deviations; `None` is a line that predicts nothing.
+    pub fn add(&mut self, whitened: Option<Whitened>, loss_width: f64) {
+        let width2 = loss_width * loss_width;
+        let Some(whitened) = whitened else {
+            // It must not look better than a bad match.
+            self.cost += 0.5 * width2 * (1.0 + 10.0 * MAX_DISTANCE2 / width2).ln();
+            return;
+        };
+        // Cauchy: rho = w²/2 ln(1 + d²/w²), weight 1 / (1 + d²/w²).
+        let ratio = whitened.distance2 / width2;
+        let weight = 1.0 / (1.0 + ratio);
+        self.cost += 0.5 * width2 * ratio.ln_1p();
+        self.information += whitened.information * weight;
+        self.gradient += whitened.gradient * weight;
     }
 
     /// The same with every weight multiplied by a factor.
@@ -118,7 +132,8 @@ impl NormalEquations {
         Self { cost: cost * factor, information: information * factor, gradient: gradient * factor }
     }
 
-    fn step(&self, damping: f64) -> Option<Vector6<f64>> {
+    /// The step to the minimum of the quadratic model, shortened by the damping; `None` when the matches fix no pose.
+    pub fn step(&self, damping: f64) -> Option<Vector6<f64>> {
         let mut damped = self.information;
         for axis in 0..6 {
             damped[(axis, axis)] += damping * self.information[(axis, axis)] + 1e-9;
@@ -153,14 +168,33 @@ impl Whitened {
 fn whitened<const D: usize>(
     residual: &SVector<f64, D>,
     d_residual_d_pose: &SMatrix<f64, D, 6>,
-    covariance: SMatrix<f64, D, D>,
+    mut covariance: SMatrix<f64, D, D>,
 ) -> Option<Whitened> {
-    let cholesky = covariance.cholesky()?;
-    let weighted_jacobian = cholesky.solve(d_residual_d_pose);
-    let weighted_residual = cholesky.solve(residual);
+    // Forward elimination of [Σ | J | r]: with Σ = L Lᵀ what is left are the whitened rows L⁻¹ J and L⁻¹ r.
+    let (mut rows, mut numbers) = (*d_residual_d_pose, *residual);
+    for k in 0..D {
+        if covariance[(k, k)] <= 0.0 || covariance[(k, k)].is_nan() {
+            return None;
+        }
+        let scale = 1.0 / covariance[(k, k)].sqrt();
+        numbers[k] *= scale;
+        for axis in 0..6 {
+            rows[(k, axis)] *= scale;
+        }
+        for i in k + 1..D {
+            let factor = covariance[(i, k)] * scale;
+            numbers[i] -= factor * numbers[k];
+            for axis in 0..6 {
+                rows[(i, axis)] -= factor * rows[(k, axis)];
+            }
+            for j in k + 1..=i {
+                covariance[(i, j)] -= factor * covariance[(j, k)] * scale;
+            }
+        }
+    }
     Some(Whitened {
-        distance2: residual.dot(&weighted_residual),
-        information: d_residual_d_pose.transpose() * weighted_jacobian,
-        gradient: d_residual_d_pose.transpose() * weighted_residual,
+        distance2: numbers.norm_squared(),
+        information: rows.tr_mul(&rows),
+        gradient: rows.tr_mul(&numbers),
     })
 }

@@ -97,13 +97,20 @@ impl<'a> Moved<'a> {
         let mut d_residual_d_pose = Matrix4x6::zeros();
         let mut d_residual_d_source = Matrix4::zeros();
         for (i, by_measurement) in self.source.d_ends_d_measurement().iter().enumerate() {
-            let by_end = d_residual_d_ends.fixed_view::<4, 3>(0, 3 * i);
-            let mut translation = d_residual_d_pose.fixed_view_mut::<4, 3>(0, 0);
-            translation += by_end;
-            let mut rotation = d_residual_d_pose.fixed_view_mut::<4, 3>(0, 3);
-            // exp(dr) R X = R X + dr × R X.
-            rotation -= by_end * hat(&self.turned_m[i]);
-            d_residual_d_source += by_end * self.rotation * by_measurement;
+            // An end moves with its own offset and its own inverse depth alone.
+            let by_across = self.rotation * by_measurement.column(i);
+            let by_inverse_depth = self.rotation * by_measurement.column(2 + i);
+            for row in 0..4 {
+                let by_end = d_residual_d_ends.fixed_view::<1, 3>(row, 3 * i).transpose();
+                // exp(dr) R X = R X + dr × R X, so the derivative by dr is R X × that by the end.
+                let by_turn = self.turned_m[i].cross(&by_end);
+                for axis in 0..3 {
+                    d_residual_d_pose[(row, axis)] += by_end[axis];
+                    d_residual_d_pose[(row, 3 + axis)] += by_turn[axis];
+                }
+                d_residual_d_source[(row, i)] = by_end.dot(&by_across);
+                d_residual_d_source[(row, 2 + i)] = by_end.dot(&by_inverse_depth);
+            }
         }
         let covariance =
             own_covariance + d_residual_d_source * self.source.covariance * d_residual_d_source.transpose();

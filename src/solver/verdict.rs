@@ -5,9 +5,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
+use nalgebra::{Matrix6, Vector6};
 
 use super::association::{Match, Scene};
+use super::axes::{in_words, worst_axis};
 use super::consensus::{Hypothesis, MAX_NOISE_SCALE, Ranking};
 use super::refine::{Refined, TO_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode, State};
@@ -232,23 +233,6 @@ fn gap(first: &Refined, second: &Refined) -> Vector6<f64> {
 pub fn covariance(refined: &Refined, noise_scale: f64) -> Option<Matrix6<f64>> {
     let covariance = refined.information.cholesky()?.inverse() * (noise_scale * noise_scale);
     covariance.iter().all(|value| value.is_finite()).then_some(covariance)
-}
-
-/// Standard deviation along the worst direction, and that direction.
-fn worst_axis(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
-    let eigen = SymmetricEigen::new(*covariance);
-    let worst = eigen.eigenvalues.imax();
-    (eigen.eigenvalues[worst].max(0.0).sqrt(), eigen.eigenvectors.column(worst).into_owned())
-}
-
-/// An axis of an optical frame for people.
-fn in_words(axis: &Vector3<f64>) -> String {
-    let name = ["x (right)", "y (down)", "z (forward)"][axis.iamax()];
-    if axis.amax() > 0.9 {
-        name.to_owned()
-    } else {
-        format!("direction [{:.2}, {:.2}, {:.2}], mostly {name}", axis.x, axis.y, axis.z)
-    }
 }
 
 /// Root mean square distance of the target's segment ends from the predicted lines (z = 1), and of the lines there, m.
