@@ -2,7 +2,7 @@
 
 use crate::ipc::{Activity, Outcome, RefusalCode, RequestKind};
 use crate::pipeline::{Answer, CameraState, Command, Phase, Snapshot, Solved};
-use crate::solver::{Reason, State};
+use crate::solver::{Reason, State, WatchReport};
 
 /// Fewer cameras cannot be calibrated against each other.
 const MIN_CAMERAS: usize = 2;
@@ -12,6 +12,8 @@ const MIN_CAMERAS: usize = 2;
 pub struct Life {
     state: State,
     reason: Option<Reason>,
+    /// How the published result stands; none without a converged one.
+    watch: Option<WatchReport>,
     has_started: bool,
     is_stopping: bool,
 }
@@ -19,7 +21,7 @@ pub struct Life {
 impl Life {
     /// Before the first frame.
     pub fn new() -> Self {
-        Self { state: State::Collecting, reason: None, has_started: false, is_stopping: false }
+        Self { state: State::Collecting, reason: None, watch: None, has_started: false, is_stopping: false }
     }
 
     /// The verdict of the newest solution, or `Collecting` before the first one.
@@ -32,6 +34,16 @@ impl Life {
         self.reason.as_ref()
     }
 
+    /// How the published result stands; `None` without a converged one.
+    pub fn watch(&self) -> Option<&WatchReport> {
+        self.watch.as_ref()
+    }
+
+    /// Whether a camera was moved since the published result was made.
+    pub fn is_moved(&self) -> bool {
+        self.watch.as_ref().is_some_and(|watch| !watch.moved.is_empty())
+    }
+
     /// The first frame set came.
     pub fn on_frames(&mut self) {
         self.has_started = true;
@@ -41,11 +53,27 @@ impl Life {
     pub fn on_solved(&mut self, solved: &Solved) {
         self.state = solved.calibration.state;
         self.reason = solved.calibration.reason.clone();
+        if self.state == State::Converged {
+            self.watch = Some(WatchReport::default());
+        }
+    }
+
+    /// The published result was compared with what the cameras see; whether other cameras than before are said to be moved.
+    pub fn on_watched(&mut self, report: WatchReport) -> bool {
+        let before = self.watch.replace(report);
+        let (before, now) = (before.unwrap_or_default(), self.watch.iter().flat_map(WatchReport::who));
+        now.ne(before.who())
+    }
+
+    /// Collecting begins anew because a camera was moved: that stays true of the published result until there is another one.
+    pub fn on_moved_restart(&mut self) {
+        (self.state, self.reason) = (State::Collecting, None);
     }
 
     /// Collecting begins anew.
     pub fn on_restart(&mut self) {
-        (self.state, self.reason) = (State::Collecting, None);
+        self.on_moved_restart();
+        self.watch = None;
     }
 
     /// The end has begun.

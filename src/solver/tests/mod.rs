@@ -4,3 +4,4 @@ mod degenerate;
 mod honesty;
 mod poses;
 mod room;
+mod watch;
