@@ -142,6 +142,7 @@ pub fn streaming(pipeline: &Snapshot) -> usize {
 mod tests {
     use super::*;
     use crate::pipeline::{CameraSnapshot, Counts, LatencySummaries};
+    use crate::solver::{Moved, Who};
 
     fn with_cameras(states: &[CameraState]) -> Snapshot {
         let camera = |&state: &CameraState| CameraSnapshot {
@@ -195,6 +196,38 @@ mod tests {
         check_refused(ask(&mut life, &one, Answer::Accepted), RefusalCode::NoCameras);
         life.on_stop();
         check_refused(ask(&mut life, &TWO, Answer::Accepted), RefusalCode::Stopping);
+    }
+
+    fn moved(camera: usize) -> WatchReport {
+        let moved = Moved {
+            who: Who::Camera(camera),
+            rotation_rad: 0.05,
+            sigma_rotation_rad: 0.001,
+            translation_m: 0.02,
+            sigma_translation_m: 0.001,
+        };
+        WatchReport { moved: vec![moved], sets_since_confirmed: 9 }
+    }
+
+    #[test]
+    fn only_other_moved_cameras_than_before_are_news() {
+        let mut life = Life::new();
+        assert!(!life.on_watched(WatchReport { sets_since_confirmed: 4, ..WatchReport::default() }));
+        assert!(!life.is_moved());
+        assert!(life.on_watched(moved(1)) && life.is_moved());
+        assert!(!life.on_watched(moved(1)), "said before");
+        assert!(life.on_watched(moved(2)), "another camera");
+        assert!(life.on_watched(WatchReport::default()) && !life.is_moved());
+    }
+
+    #[test]
+    fn a_moved_camera_is_forgotten_when_asked_to_calibrate_but_not_when_that_begins_by_itself() {
+        let mut life = Life::new();
+        life.on_watched(moved(1));
+        life.on_moved_restart();
+        assert!(life.is_moved() && life.state() == State::Collecting);
+        life.on_restart();
+        assert!(!life.is_moved() && life.watch().is_none());
     }
 
     #[test]

@@ -145,6 +145,10 @@ impl Watch {
             let finding = self.look(keep_going);
             if keep_going() {
                 self.take(finding);
+                let moved = &self.report.moved;
+                for pair in &mut self.pairs {
+                    pair.is_accused = moved.iter().any(|moved| moved.who.concerns(pair.cameras));
+                }
             }
         }
         &self.report
@@ -165,11 +169,9 @@ impl Watch {
             return Finding::Moved(moved);
         }
         // A camera that was moved is back only when it is seen to be back.
-        let concerns =
-            |pair: &PairWatch| self.report.moved.iter().any(|moved| moved.who.concerns(pair.cameras));
         let is_confirmed = |sight: &Sight| matches!(sight, Sight::Confirmed(_));
         let is_back =
-            self.pairs.iter().zip(&sights).all(|(pair, sight)| is_confirmed(sight) || !concerns(pair));
+            self.pairs.iter().zip(&sights).all(|(pair, sight)| is_confirmed(sight) || !pair.is_accused);
         if is_back && sights.iter().any(is_confirmed) { Finding::Confirmed } else { Finding::CannotTell }
     }
 

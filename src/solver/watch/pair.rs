@@ -36,6 +36,9 @@ const SETS_BETWEEN_SEARCHES: u32 = 4;
 /// A move need not be known as well as a calibration: its uncertainty is part of the test.
 const LOOSER_SIGMA: f64 = 3.0;
 
+/// While the alarm is on, so much of the limits is enough to keep it.
+const KEPT_SHARE: f64 = 0.5;
+
 /// What all pairs are looked at with.
 pub(super) struct Bench<'a> {
     pub(super) evidence: &'a Evidence,
@@ -100,13 +103,13 @@ impl Shift {
         (length, variance.max(0.0).sqrt())
     }
 
-    /// Whether this is more than noise, and more than nobody minds.
-    fn is_beyond(&self, limits: &WatchLimits) -> bool {
+    /// Whether this is more than noise and more than nobody minds, or at least that share of both.
+    fn is_beyond(&self, limits: &WatchLimits, share: f64) -> bool {
         let Some(cholesky) = self.covariance.cholesky() else { return false };
         let ((shift_m, sigma_m), (turn_rad, sigma_rad)) = self.amounts();
-        self.step.dot(&cholesky.solve(&self.step)) > MIN_DISTANCE2
-            && (shift_m > limits.min_translation_m + SIGMAS * sigma_m
-                || turn_rad > limits.min_rotation_rad + SIGMAS * sigma_rad)
+        self.step.dot(&cholesky.solve(&self.step)) > share * MIN_DISTANCE2
+            && (shift_m > share * (limits.min_translation_m + SIGMAS * sigma_m)
+                || turn_rad > share * (limits.min_rotation_rad + SIGMAS * sigma_rad))
     }
 }
 
@@ -124,6 +127,8 @@ pub(super) struct PairWatch {
     suspect: Option<Motion>,
     /// Frame sets until the next search over all poses.
     wait: u32,
+    /// The alarm is on, and this pair sees a camera that is said to be moved.
+    pub(super) is_accused: bool,
 }
 
 impl PairWatch {
@@ -135,7 +140,15 @@ impl PairWatch {
             + by_source * poses[1].covariance * by_source.transpose();
         let frozen = target.inverse() * source;
         let is_finite = covariance.iter().all(|value| value.is_finite());
-        is_finite.then_some(Self { cameras, frozen, covariance, usual_matches, suspect: None, wait: 0 })
+        is_finite.then_some(Self {
+            cameras,
+            frozen,
+            covariance,
+            usual_matches,
+            suspect: None,
+            wait: 0,
+            is_accused: false,
+        })
     }
 
     /// Compares the newest views with the frozen pose.
@@ -155,7 +168,7 @@ impl PairWatch {
         let noise_scale = near.as_ref().map_or(1.0, |near| near.noise_scale);
         let support = self.support(&scene, noise_scale);
         let score: f64 = support.iter().map(|found| found.gain).sum();
-        if let Some(shift) = self.still_suspect(scene, score, bench.limits) {
+        if let Some(shift) = self.still_suspect(scene, score, bench) {
             return Sight::Moved(shift);
         }
         let found = match near {
@@ -163,7 +176,7 @@ impl PairWatch {
             Some(near) if self.is_usual(near.matches.len(), n_views) => {
                 let shift = self.shift_to(&near);
                 let is_supported = self.is_usual(support.len(), n_views);
-                match shift.filter(|shift| is_supported && !shift.is_beyond(bench.limits)) {
+                match shift.filter(|shift| is_supported && !self.is_move(shift, bench)) {
                     Some(shift) => return Sight::Confirmed(shift),
                     None => self.trusted(scene, &alone(near), (score, n_views), bench),
                 }
@@ -198,10 +211,14 @@ impl PairWatch {
         Some(Shift::between((&self.frozen, &self.covariance), now))
     }
 
+    fn is_move(&self, shift: &Shift, bench: &Bench<'_>) -> bool {
+        shift.is_beyond(bench.limits, if self.is_accused { KEPT_SHARE } else { 1.0 })
+    }
+
     /// The move to the pose that was suspected before, as long as it explains the lines better than the frozen one.
-    fn still_suspect(&mut self, scene: Scene<'_>, score: f64, limits: &WatchLimits) -> Option<Shift> {
+    fn still_suspect(&mut self, scene: Scene<'_>, score: f64, bench: &Bench<'_>) -> Option<Shift> {
         let now = settle(scene, &self.suspect?).filter(|now| leads(now, score));
-        let shift = now.and_then(|now| self.shift_to(&now)).filter(|shift| shift.is_beyond(limits));
+        let shift = now.and_then(|now| self.shift_to(&now)).filter(|shift| self.is_move(shift, bench));
         self.suspect = shift.as_ref().map(|shift| shift.target_from_source);
         shift
     }
@@ -239,7 +256,7 @@ impl PairWatch {
         let (state, _) = judge(&verdict::Bench { scene, ranking, limits });
         let shift = self.shift_to(&ranking.best)?;
         let is_trusted = state == State::Converged && leads(&ranking.best, score);
-        (is_trusted && shift.is_beyond(bench.limits)).then_some(shift)
+        (is_trusted && self.is_move(&shift, bench)).then_some(shift)
     }
 
     /// The same move as the source sees the target: of the frame `source_from_target`.
