@@ -28,8 +28,10 @@ impl MovedDocument {
 
     /// One line for people.
     pub fn text(&self) -> String {
-        let back = || "every camera stands again as calibrated, or there is a new result".to_owned();
-        format!("{STATE}: {}\n", reason(&self.moved).map_or_else(back, |reason| reason.sentence))
+        match reason(&self.moved) {
+            Some(reason) => format!("{STATE}: {}\n", reason.sentence),
+            None => "no camera is said to be moved any more\n".to_owned(),
+        }
     }
 
     /// Whether another document says the same but for the amounts.

@@ -178,7 +178,7 @@ impl PairWatch {
                 let is_supported = self.is_usual(support.len(), n_views);
                 match shift.filter(|shift| is_supported && !self.is_move(shift, bench)) {
                     Some(shift) => return Sight::Confirmed(shift),
-                    None => self.trusted(scene, &alone(near), (score, n_views), bench),
+                    None => self.trusted((scene, &alone(near)), (score, n_views), bench),
                 }
             }
             _ if self.wait > 0 => None,
@@ -233,14 +233,13 @@ impl PairWatch {
         };
         let Ranked::Poses(ranking) = rank_poses(pair, &limits) else { return None };
         let scene = Scene { pair, candidates: &ranking.candidates };
-        self.trusted(scene, &ranking, against, bench)
+        self.trusted((scene, &ranking), against, bench)
     }
 
     /// The move to the best pose of a ranking when that passes the tests of a verdict and leads before the frozen pose's score.
     fn trusted(
         &self,
-        scene: Scene<'_>,
-        ranking: &Ranking,
+        (scene, ranking): (Scene<'_>, &Ranking),
         (score, n_views): (f64, usize),
         bench: &Bench<'_>,
     ) -> Option<Shift> {
