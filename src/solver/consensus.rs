@@ -13,7 +13,7 @@ use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
 /// Lines whose direction is worse than this do not vote for rotations, rad (3 degrees).
-const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
+pub const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
 /// Rotations tried.
 const MAX_MODES: usize = 100;
 /// Translations tried per rotation, by the rotation's rank: where lines share a room's axes, the true rotation leads, and the

@@ -170,6 +170,27 @@ impl Evidence {
         is_new
     }
 
+    /// Takes a frame set for watching: the newest sight of a rig pose takes the place of the older ones, which may show the cameras
+    /// as they stood before. Kept are `max_sets`, and none beyond `max_age` sets. Says whether two cameras brought something.
+    pub fn refresh(&mut self, views: &[Option<CameraView>], max_age: u64) -> bool {
+        let set = EvidenceSet {
+            views: views.iter().map(|view| view.as_ref().map(|view| self.prepare(view))).collect(),
+            id: self.next_id,
+            repeats: self.next_id,
+        };
+        self.next_id += 1;
+        let is_new = set.views.iter().flatten().filter(|view| view.lines.len() >= MIN_NEW_LINES).count() >= 2;
+        if is_new {
+            let is_kept =
+                |old: &EvidenceSet| set.id - old.id < max_age && share_in_place(&set, old) <= REPEATED_SHARE;
+            self.sets.retain(is_kept);
+            let too_many = (self.sets.len() + 1).saturating_sub(self.limits.max_sets);
+            self.sets.drain(..too_many);
+            self.sets.push(set);
+        }
+        is_new
+    }
+
     /// Forgets the oldest rig pose other than the given one; whether there was one. All sets of a pose go together: without its
     /// first set the others would not be known as repetitions.
     fn forget_oldest_pose_but(&mut self, kept: u64) -> bool {

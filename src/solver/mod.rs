@@ -17,12 +17,14 @@ pub mod rig;
 pub mod rotation_vote;
 pub mod translation_vote;
 pub mod verdict;
+pub mod watch;
 
 pub use evidence::EvidenceLimits;
 pub use line_pair::{LinePair, TargetSide};
 pub use result::*;
 pub use rig::{EstimateOptions, RigCamera, RigEstimator};
 pub use verdict::VerdictLimits;
+pub use watch::{Moved, Watch, WatchLimits, WatchReport, Who};
 
 #[cfg(test)]
 mod tests;

@@ -21,4 +21,5 @@ mod pipeline;
 mod replay;
 mod scripted;
 mod synthetic_pair;
+mod watching;
 mod writer;

@@ -26,7 +26,7 @@ mod tests;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-pub use options::{Noise, Pace, SyntheticCamera, SyntheticOptions};
+pub use options::{CameraMove, Noise, Pace, SyntheticCamera, SyntheticOptions};
 
 use super::{CameraInfo, CaptureError, DeviceFactory, FrameSource};
 use crate::geometry::motion::Motion;
@@ -60,7 +60,7 @@ impl SyntheticFactory {
         Self { world: Arc::new(World { options, scene, trajectory, epoch: OnceLock::new() }) }
     }
 
-    /// The exact `reference_from_camera` of every camera, in the order of [`DeviceFactory::list`].
+    /// The exact `reference_from_camera` of every camera, in the order of [`DeviceFactory::list`], before any move.
     pub fn truth(&self) -> Vec<Motion> {
         self.world.options.cameras.iter().map(|camera| camera.reference_from_camera).collect()
     }

@@ -47,6 +47,24 @@ impl SyntheticCamera {
     }
 }
 
+/// A camera of the rig is knocked: from a frame on it stands elsewhere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraMove {
+    /// Index of the camera.
+    pub camera: usize,
+    /// The first frame set for which it stands there.
+    pub at_frame: u64,
+    /// Its new frame in its old one; several moves of a camera add up.
+    pub before_from_after: Motion,
+}
+
+impl CameraMove {
+    /// A move by so much along the camera's own axes and a turn by pitch, yaw and roll.
+    pub fn by((camera, at_frame): (usize, u64), by_m: [f64; 3], turn_deg: [f64; 3]) -> Self {
+        Self { camera, at_frame, before_from_after: pose(by_m, turn_deg) }
+    }
+}
+
 /// A rig, its room and its motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SyntheticOptions {
@@ -54,6 +72,8 @@ pub struct SyntheticOptions {
     pub seed: u64,
     /// The rig; the first is usually the reference.
     pub cameras: Vec<SyntheticCamera>,
+    /// What is moved in the rig on the way.
+    pub moves: Vec<CameraMove>,
     /// Noise of the pictures.
     pub noise: Noise,
     /// How fast frames come.
@@ -79,6 +99,7 @@ impl SyntheticOptions {
         Self {
             seed,
             cameras,
+            moves: Vec::new(),
             noise: Noise::D435i { disparity_sigma_px: 0.1 },
             pace: Pace::Unpaced,
             period: Duration::from_nanos(33_333_333),

@@ -3,7 +3,7 @@ use std::time::Duration;
 use nalgebra::{Point3, Vector3};
 
 use super::noise_picture::NoisePicture;
-use super::options::{Noise, Pace, SyntheticOptions};
+use super::options::{CameraMove, Noise, Pace, SyntheticOptions};
 use super::raycast::Raycaster;
 use super::scene::{Builder, FreeSpace, Lamp, Part, Scene, turned};
 use super::shade::Shaded;
@@ -321,4 +321,22 @@ fn in_real_time_frames_that_nobody_took_are_lost() {
 fn an_unknown_serial_is_told_what_there_is() {
     let error = SyntheticFactory::new(pair(d435i(), 13)).open("7").map(|_| ()).expect_err("no such camera");
     assert!(error.to_string().contains("\"synthetic-01\", \"synthetic-02\""), "{error}");
+}
+
+#[test]
+fn a_moved_camera_stands_elsewhere_from_its_frame_on_and_the_others_stay() {
+    let still = pair(Noise::Off, 4);
+    let knock = CameraMove::by((1, 1), [0.02, 0.0, 0.0], [0.0, 3.0, 0.0]);
+    let moved = SyntheticOptions { moves: vec![knock.clone()], ..still.clone() };
+    let depths = |options, camera| frames(options, camera, 2).into_iter().map(|frame| frame.depth);
+    assert!(depths(&moved, 0).eq(depths(&still, 0)), "the other camera sees something else");
+    let is_same: Vec<bool> = depths(&still, 1).zip(depths(&moved, 1)).map(|(a, b)| a == b).collect();
+    assert_eq!(is_same, [true, false]);
+    let factory = SyntheticFactory::new(moved);
+    let place = |frame_set| factory.world.world_from_camera(1, frame_set);
+    let standing = SyntheticFactory::new(still).world.world_from_camera(1, 5);
+    assert_eq!(place(5), standing * knock.before_from_after);
+    let (turn, shift) =
+        (knock.before_from_after.rotation.angle(), knock.before_from_after.translation.vector);
+    assert!((turn.to_degrees() - 3.0).abs() < 1e-9 && (shift.norm() - 0.02).abs() < 1e-12);
 }

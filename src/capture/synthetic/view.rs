@@ -84,6 +84,10 @@ impl World {
     pub(super) fn world_from_camera(&self, camera: usize, frame_set: u64) -> Motion {
         let view = frame_set / self.options.frames_per_view.max(1);
         let world_from_reference = self.trajectory.world_from_reference(view as f64 * self.options.view_step);
-        world_from_reference * self.options.cameras[camera].reference_from_camera
+        let moves =
+            self.options.moves.iter().filter(|moved| moved.camera == camera && moved.at_frame <= frame_set);
+        let reference_from_camera = self.options.cameras[camera].reference_from_camera;
+        world_from_reference
+            * moves.fold(reference_from_camera, |before, moved| before * moved.before_from_after)
     }
 }

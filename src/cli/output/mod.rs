@@ -2,6 +2,7 @@
 
 pub mod document;
 pub mod solve;
+pub mod moved;
 pub mod status;
 #[cfg(test)]
 mod tests;

@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v1/calibration`: the newest calibration.
+//! `pelical/<instance>/v2/calibration`: the newest calibration.
 
 use iceoryx2::prelude::ZeroCopySend;
 use nalgebra::Matrix6;
@@ -14,7 +14,7 @@ use crate::solver::{CameraPose, PairEstimate, RigCalibration, State};
 /// The newest calibration in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCalibrationV1")]
+#[type_name("PelicalCalibrationV2")]
 pub struct CalibrationWire {
     /// [`VERSION`].
     pub version: u32,
@@ -45,7 +45,7 @@ pub struct CalibrationWire {
 /// One camera of a calibration.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCameraV1")]
+#[type_name("PelicalCameraV2")]
 pub struct CameraWire {
     /// Name from the config.
     pub name: FixedText<MAX_NAME_BYTES>,
@@ -64,7 +64,7 @@ pub struct CameraWire {
 /// One pair of a calibration.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalPairV1")]
+#[type_name("PelicalPairV2")]
 pub struct PairWire {
     /// Index of the target camera.
     pub target: u32,

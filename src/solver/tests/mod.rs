@@ -4,3 +4,4 @@ mod degenerate;
 mod honesty;
 mod poses;
 pub mod room;
+mod watch;
