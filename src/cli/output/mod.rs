@@ -1,8 +1,8 @@
 //! What the client prints: JSON documents for scripts, text for people. stdout is for these alone.
 
 pub mod document;
-pub mod solve;
 pub mod moved;
+pub mod solve;
 pub mod status;
 #[cfg(test)]
 mod tests;
