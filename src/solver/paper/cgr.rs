@@ -50,7 +50,9 @@ mod tests {
             let s = cgr_of(&rotation).expect("no half turn");
             assert!((rotation_from_cgr(&s).matrix() - rotation.matrix()).amax() < 1e-9 * (1.0 + s.norm()));
             let projective = Vector4::new(s.x, s.y, s.z, 1.0) * -0.3;
-            assert!(rotation_from_projective(&projective).angle_to(&rotation.into()) < 1e-9 * (1.0 + s.norm()));
+            assert!(
+                rotation_from_projective(&projective).angle_to(&rotation.into()) < 1e-9 * (1.0 + s.norm())
+            );
         }
     }
 

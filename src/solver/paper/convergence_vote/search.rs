@@ -96,7 +96,8 @@ pub fn most_voted(
             break;
         }
         let size = node.range.len();
-        let halves = if size * node.undecided.len() <= MAX_COUNTED_OUT { None } else { search.divided(&node) };
+        let halves =
+            if size * node.undecided.len() <= MAX_COUNTED_OUT { None } else { search.divided(&node) };
         match halves {
             None => best = best.max(search.counted_out(&node)),
             Some(halves) => {

@@ -97,9 +97,8 @@ fn lines_through_a_point_are_found_among_others() {
     let mut random = Random::named("found");
     let mut candidates: Vec<_> =
         (0..20).map(|_| line(truth, Unit::new_normalize(vector(&mut random)))).collect();
-    candidates.extend((0..20).map(|_| {
-        line(truth + vector(&mut random), Unit::new_normalize(vector(&mut random)))
-    }));
+    candidates
+        .extend((0..20).map(|_| line(truth + vector(&mut random), Unit::new_normalize(vector(&mut random)))));
     let vote = convergence_vote(&candidates, FIXED).expect("twenty lines meet");
     assert!(vote.inliers.len() >= 20 && (0..20).all(|i| vote.inliers.contains(&i)));
     assert!((vote.point_m - truth).norm() < 0.02);
@@ -118,7 +117,8 @@ fn a_plane_votes_and_helps_a_single_line_to_a_point() {
 #[test]
 fn what_has_no_points_has_no_vote() {
     let parallel = [0.0, 1.0, 2.0].map(|y| line(Vector3::new(0.0, y, 0.0), Vector3::x_axis()));
-    let planes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(|n| plane(Vector3::zeros(), n));
+    let planes =
+        [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(|n| plane(Vector3::zeros(), n));
     let along = [line(Vector3::zeros(), Vector3::x_axis()), plane(Vector3::zeros(), Vector3::y_axis())];
     for candidates in [&[] as &[_], &parallel, &parallel[..1], &planes, &along] {
         assert_eq!(convergence_vote(candidates, FIXED), None);

@@ -88,11 +88,13 @@ impl Elimination {
         for value in values {
             largest = largest.max(value.abs());
         }
-        let linear = [self.a_u, self.a_v, self.b_u, self.b_v].iter().fold(0.0, |size, part| part.amax().max(size));
+        let linear =
+            [self.a_u, self.a_v, self.b_u, self.b_v].iter().fold(0.0, |size, part| part.amax().max(size));
         let square = self.uu.amax().max(self.uv.amax()).max(self.vv.amax());
         // What a and b are for u and v of order one; every product in the determinant has eight such factors.
         let scale = (linear * linear).max(square).powi(4);
-        (largest > MIN_DETERMINANT * scale && largest.is_finite()).then(|| values.map(|value| value / largest))
+        (largest > MIN_DETERMINANT * scale && largest.is_finite())
+            .then(|| values.map(|value| value / largest))
     }
 
     /// The root that belongs to a ratio u : v, of unit length.

@@ -61,7 +61,8 @@ fn roots_by_search(random: &mut Random, quadrics: &Quadrics) -> Vec<Vector4<f64>
         let mut q = random.rotation().coords;
         for _ in 0..12 {
             let mut matrix = Matrix4::zeros();
-            let r = |q: &Vector4<f64>| forms.columns.iter().zip(monomials(q).iter()).map(|(c, r)| c * *r).sum();
+            let r =
+                |q: &Vector4<f64>| forms.columns.iter().zip(monomials(q).iter()).map(|(c, r)| c * *r).sum();
             let values: Vector3<f64> = r(&q);
             for i in 0..4 {
                 let mut step = Vector4::zeros();
@@ -301,7 +302,8 @@ fn the_scale_of_the_equations_is_of_no_account() {
         let (roots, of_scaled) = (re3q3(&quadrics), re3q3(&scaled));
         assert_eq!(roots.as_slice().len(), of_scaled.as_slice().len());
         for root in roots.as_slice() {
-            let is_found = of_scaled.as_slice().iter().any(|other| (root - other).norm() < 1e-6 * (1.0 + root.norm()));
+            let is_found =
+                of_scaled.as_slice().iter().any(|other| (root - other).norm() < 1e-6 * (1.0 + root.norm()));
             assert!(is_found);
         }
     }

@@ -61,8 +61,7 @@ impl Ratios {
 
 /// Every real root of the polynomial with these values, the largest of order 1, at the [`NODES`].
 pub fn real_roots(values: &[f64; N_COEFFICIENTS]) -> Ratios {
-    let mut ratios =
-        Ratios { n_ratios: 0, ratios: [Ratio { u: 0.0, v: 1.0 }; MAX_RATIOS], are_clear: true };
+    let mut ratios = Ratios { n_ratios: 0, ratios: [Ratio { u: 0.0, v: 1.0 }; MAX_RATIOS], are_clear: true };
     let mut polynomial = powers(values);
     Part { polynomial: &polynomial, is_reversed: false, ratios: &mut ratios }.add_roots();
     polynomial.reverse();
@@ -291,10 +290,16 @@ mod tests {
         let mut found: Vec<f64> = found.as_slice().iter().map(|ratio| ratio.u / ratio.v).collect();
         found.sort_by(f64::total_cmp);
         for root in expected {
-            assert!(found.iter().any(|x| (x - root).abs() < tolerance * (1.0 + root.abs())), "{root}: {found:?}");
+            assert!(
+                found.iter().any(|x| (x - root).abs() < tolerance * (1.0 + root.abs())),
+                "{root}: {found:?}"
+            );
         }
         for x in &found {
-            assert!(expected.iter().any(|root| (x - root).abs() < tolerance * (1.0 + root.abs())), "{found:?}");
+            assert!(
+                expected.iter().any(|root| (x - root).abs() < tolerance * (1.0 + root.abs())),
+                "{found:?}"
+            );
         }
     }
 
@@ -324,6 +329,11 @@ mod tests {
     fn a_root_at_infinity_is_the_ratio_one_to_nothing() {
         let mut octic = with_roots([0.0, 0.2, -0.4, 0.7, 3.0, 4.0, -5.0, 0.9]);
         octic.reverse();
-        assert!(real_roots(&values(&octic)).as_slice().iter().any(|ratio| ratio.u == 1.0 && ratio.v.abs() < 1e-12));
+        assert!(
+            real_roots(&values(&octic))
+                .as_slice()
+                .iter()
+                .any(|ratio| ratio.u == 1.0 && ratio.v.abs() < 1e-12)
+        );
     }
 }

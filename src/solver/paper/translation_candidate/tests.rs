@@ -31,7 +31,8 @@ const SIGMAS: [f64; 4] = [0.0005, 0.0005, 0.004, 0.004];
 /// What a camera measures of the edge between two points of its frame, off by this noise.
 fn observed(a_m: &Point3<f64>, b_m: &Point3<f64>, noise: [f64; 4]) -> LineObservation {
     let along = Vector3::new(b_m.x / b_m.z - a_m.x / a_m.z, b_m.y / b_m.z - a_m.y / a_m.z, 0.0).normalize();
-    let ray = |p: &Point3<f64>, off: f64| RayPoint { x: p.x / p.z - along.y * off, y: p.y / p.z + along.x * off };
+    let ray =
+        |p: &Point3<f64>, off: f64| RayPoint { x: p.x / p.z - along.y * off, y: p.y / p.z + along.x * off };
     let ends = [ray(a_m, noise[0]), ray(b_m, noise[1])];
     let [start, end] = ends.map(|ray| PixelPoint { x: 600.0 * ray.x + 320.0, y: 600.0 * ray.y + 240.0 });
     LineObservation {
@@ -68,7 +69,8 @@ struct Edge {
 
 impl Edge {
     fn random(random: &mut Random) -> Self {
-        let mut point = |z: f64| Point3::new(random.signed() * 0.8, random.signed() * 0.6, z + 0.5 * random.signed());
+        let mut point =
+            |z: f64| Point3::new(random.signed() * 0.8, random.signed() * 0.6, z + 0.5 * random.signed());
         let source_m = [point(1.6), point(2.0)];
         let extent_m = source_m[1] - source_m[0];
         let part = |k: f64| target_from_source() * (source_m[0] + extent_m * k);
@@ -97,7 +99,9 @@ fn the_true_translation_is_on_the_line_of_a_full_pair_and_on_the_plane_of_a_pnl_
     for _ in 0..100 {
         let edge = Edge::random(&mut random);
         let (full, pnl) = (candidate(&edge.pair(NONE, true)), candidate(&edge.pair(NONE, false)));
-        assert!(matches!(full, TranslationCandidate::Line(_)) && matches!(pnl, TranslationCandidate::Plane(_)));
+        assert!(
+            matches!(full, TranslationCandidate::Line(_)) && matches!(pnl, TranslationCandidate::Plane(_))
+        );
         for candidate in [full, pnl] {
             assert!(candidate.distance_m(&translation_m()) < 1e-12, "{candidate:?}");
         }
