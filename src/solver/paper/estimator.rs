@@ -216,3 +216,6 @@ fn sigmas(objective: &Objective<'_>, target_from_source: &Motion) -> (f64, f64) 
     };
     (worst(0), worst(3))
 }
+
+#[cfg(test)]
+mod tests;

@@ -211,3 +211,6 @@ fn frame(first: &Vector3<f64>, second: &Vector3<f64>) -> Option<Matrix3<f64>> {
     let normal = first.cross(second).try_normalize(MIN_START_SINE)?;
     Some(Matrix3::from_columns(&[*first, normal.cross(first), normal]))
 }
+
+#[cfg(test)]
+mod tests;

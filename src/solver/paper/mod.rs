@@ -17,3 +17,6 @@ pub mod translation_candidate;
 pub use estimator::solve_pairs;
 pub use options::PaperOptions;
 pub use outcome::{PaperOutcome, PaperSolution};
+
+#[cfg(test)]
+mod scenes;

@@ -157,3 +157,6 @@ impl RotationSystem {
         self.translation_from_entries * entries_of(rotation)
     }
 }
+
+#[cfg(test)]
+mod tests;

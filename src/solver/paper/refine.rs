@@ -244,3 +244,6 @@ pub fn reprojection_error(
     }
     Some(term)
 }
+
+#[cfg(test)]
+mod tests;

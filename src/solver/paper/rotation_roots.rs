@@ -167,3 +167,6 @@ fn cube_rotations() -> impl Iterator<Item = Rotation3<f64>> {
         (matrix.determinant() > 0.0).then(|| Rotation3::from_matrix_unchecked(matrix))
     })
 }
+
+#[cfg(test)]
+mod tests;
