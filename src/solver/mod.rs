@@ -2,16 +2,21 @@
 
 pub mod association;
 pub mod candidates;
+pub mod closure;
 pub mod consensus;
 pub mod evidence;
 pub mod free_space;
 pub mod joint;
 pub mod line_pair;
+pub mod pair_graph;
+pub mod place;
 pub mod refine;
 pub mod residual;
 pub mod result;
+pub mod retention;
 pub mod rig;
 pub mod rotation_vote;
+pub mod shared_lines;
 pub mod translation_vote;
 pub mod verdict;
 

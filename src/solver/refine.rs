@@ -76,7 +76,7 @@ pub fn refine(
 }
 
 /// `H step = -g` of the robust cost at one pose.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct NormalEquations {
     /// Robust cost.
     pub cost: f64,
@@ -116,6 +116,15 @@ impl NormalEquations {
     pub fn scaled(self, factor: f64) -> Self {
         let Self { cost, information, gradient } = self;
         Self { cost: cost * factor, information: information * factor, gradient: gradient * factor }
+    }
+
+    /// Those of both sums of matches together.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            cost: self.cost + other.cost,
+            information: self.information + other.information,
+            gradient: self.gradient + other.gradient,
+        }
     }
 
     fn step(&self, damping: f64) -> Option<Vector6<f64>> {

@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v1/control`: requests and answers.
+//! `pelical/<instance>/v2/control`: requests and answers.
 
 use iceoryx2::prelude::ZeroCopySend;
 

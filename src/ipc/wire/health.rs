@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v1/health`: how the daemon and its cameras are.
+//! `pelical/<instance>/v2/health`: how the daemon and its cameras are.
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -18,7 +18,7 @@ pub use parts::{FixedText, MotionWire, ReasonWire};
 pub use progress::{CameraLinesWire, ProgressWire};
 
 /// Version of every payload and of the service names.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Most cameras of a rig.
 pub const MAX_CAMERAS: usize = 16;
 /// Most pairs: every pair of [`MAX_CAMERAS`] cameras once.

@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v1/progress`: how collecting goes.
+//! `pelical/<instance>/v2/progress`: how collecting goes.
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -26,6 +26,7 @@ fn calibration() -> CalibrationMessage {
         matches: 73,
         full: 60,
         pnl: 13,
+        lead: Some(2.5),
         residual_px: 0.6,
         residual_m: 0.004,
     };
@@ -93,16 +94,17 @@ fn response(outcome: Outcome) -> Response {
 
 #[test]
 fn the_layouts_are_frozen() {
-    assert_eq!(size_of::<CalibrationWire>(), 81_264);
+    assert_eq!(size_of::<CalibrationWire>(), 82_224);
     assert_eq!(offset_of!(CalibrationWire, reason), 48);
     assert_eq!(offset_of!(CalibrationWire, cameras), 560);
     assert_eq!(offset_of!(CalibrationWire, pairs), 560 + 16 * 424);
     assert_eq!(size_of::<CameraWire>(), 424);
     assert_eq!(offset_of!(CameraWire, reference_from_camera), 80);
     assert_eq!(offset_of!(CameraWire, covariance), 136);
-    assert_eq!(size_of::<PairWire>(), 616);
+    assert_eq!(size_of::<PairWire>(), 624);
     assert_eq!(offset_of!(PairWire, residual_px), 32);
-    assert_eq!(offset_of!(PairWire, reason), 104);
+    assert_eq!(offset_of!(PairWire, lead), 48);
+    assert_eq!(offset_of!(PairWire, reason), 112);
     assert_eq!(size_of::<ProgressWire>(), 240);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 88);
     assert_eq!(offset_of!(ProgressWire, cameras), 112);
