@@ -175,7 +175,7 @@ fn check_refused(field_expected: &str, spoil: impl FnOnce(&mut CalibrationWire))
 
 #[test]
 fn a_spoiled_calibration_is_refused_by_the_name_of_the_field() {
-    check_refused("version is 2", |w| w.version = 2);
+    check_refused("version is 1", |w| w.version = 1);
     check_refused("state has the unknown code 0", |w| w.state = 0);
     check_refused("state has the unknown code 6", |w| w.state = 6);
     check_refused("cameras is 17", |w| w.n_cameras = 17);
@@ -197,6 +197,7 @@ fn a_spoiled_calibration_is_refused_by_the_name_of_the_field() {
     check_refused("pair motion", |w| w.pairs[1].has_motion = 1);
     check_refused("pair residual_px", |w| w.pairs[0].residual_px = f64::NAN);
     check_refused("pair residual_m", |w| w.pairs[0].residual_m = -0.1);
+    check_refused("pair lead", |w| w.pairs[0].lead = f64::INFINITY);
     check_refused("reason has the unknown code 10", |w| w.reason.code = 10);
 }
 
