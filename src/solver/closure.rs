@@ -186,7 +186,9 @@ fn loops(pairs: &[PairPose]) -> Vec<Loop> {
         let others = pairs.iter().flat_map(|other| other.cameras).collect::<BTreeSet<_>>();
         let triangles = others
             .into_iter()
-            .filter(|&other| pair_of(pairs, target, other).is_some() && pair_of(pairs, other, source).is_some())
+            .filter(|&other| {
+                pair_of(pairs, target, other).is_some() && pair_of(pairs, other, source).is_some()
+            })
             .map(|other| vec![target, other, source]);
         for cameras in triangles.chain(way_round(pairs, idx)) {
             if let Some(walk) = walked(pairs, cameras) {

@@ -120,6 +120,15 @@ pub struct EvidenceSet {
 }
 
 impl EvidenceSet {
+    /// A set of the best `max_lines` of each view; the other lines are remembered by their places.
+    fn new(mut views: Vec<Option<EvidenceView>>, (id, repeats): (u64, u64), max_lines: usize) -> Self {
+        let places = views.iter().map(places).collect();
+        views.iter_mut().flatten().for_each(|view| keep_best_lines(&mut view.lines, max_lines));
+        let coverage =
+            Coverage::of(views.iter().map(|view| view.as_ref().map_or(&[][..], |view| &view.lines)));
+        Self { views, id, repeats, places, coverage }
+    }
+
     /// Lifted lines of one camera.
     pub(super) fn n_lines(&self, camera: usize) -> usize {
         self.views.get(camera).and_then(Option::as_ref).map_or(0, |view| view.lines.len())
@@ -157,9 +166,13 @@ impl Evidence {
 
     /// Takes what is new of a frame set; says whether at least two cameras brought something that is worth keeping.
     pub fn add(&mut self, views: &[Option<CameraView>]) -> bool {
-        let mut views: Vec<_> = views.iter().map(|view| view.as_ref().map(|view| self.prepare(view))).collect();
+        let mut views: Vec<_> =
+            views.iter().map(|view| view.as_ref().map(|view| self.prepare(view))).collect();
         let all_places: Vec<_> = views.iter().map(places).collect();
-        let old = self.sets.iter().find(|old| old.repeats == old.id && share_in_place(&all_places, old) > REPEATED_SHARE);
+        let old = self
+            .sets
+            .iter()
+            .find(|old| old.repeats == old.id && share_in_place(&all_places, old) > REPEATED_SHARE);
         let mut min_lines = 1;
         let repeats = old.map_or(self.next_id, |old| old.id);
         if old.is_some() {
@@ -173,10 +186,7 @@ impl Evidence {
         if views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() < 2 {
             return false;
         }
-        let places = views.iter().map(places).collect();
-        views.iter_mut().flatten().for_each(|view| keep_best_lines(&mut view.lines, self.limits.max_lines_per_view));
-        let coverage = Coverage::of(views.iter().map(|view| view.as_ref().map_or(&[][..], |view| &view.lines)));
-        self.keep(EvidenceSet { views, id: self.next_id, repeats, places, coverage })
+        self.keep(EvidenceSet::new(views, (self.next_id, repeats), self.limits.max_lines_per_view))
     }
 
     /// Keeps a new set and drops what has become superfluous by it; whether the new set stays.

@@ -161,7 +161,8 @@ impl RigCalibration {
         let group = self.fixed_to(camera);
         let links = |pair: &&PairEstimate| {
             let [a, b] = [pair.target, pair.source];
-            pair.reason.is_some() && ((group.contains(&a) && has_pose(b)) || (group.contains(&b) && has_pose(a)))
+            pair.reason.is_some()
+                && ((group.contains(&a) && has_pose(b)) || (group.contains(&b) && has_pose(a)))
         };
         self.pairs.iter().filter(links).max_by_key(|pair| pair.matches)
     }

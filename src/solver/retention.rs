@@ -19,10 +19,8 @@ const DIRECTION_BOUND: f64 = 1.0 / 3.0;
 const PLACE_BOUND: f64 = 0.2;
 /// Nearer lines and farther ones are cells of their own, m.
 const NEAR_M: f64 = 1.5;
-/// The candidates of a pair may fill at least so many frame sets with as many lines as are allowed.
-const MIN_FULL_SETS: usize = 20;
-/// Candidates of a pair over all sets (see [`MIN_FULL_SETS`]): the time of a solution grows with them.
-const MAX_CANDIDATES: usize = 300_000;
+/// The candidates of a pair, with which the time of a solution grows, may be as many as in so many frame sets that are full of lines.
+const MAX_FULL_SETS: usize = 20;
 
 /// The weight that a frame set brings to each cell of each camera.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -87,7 +85,8 @@ pub fn superfluous(sets: &[EvidenceSet], limits: &EvidenceLimits) -> Vec<usize> 
         let mut total = Coverage::default();
         kept.iter().for_each(|&idx| total.add(&sets[idx].coverage));
         let worth_of_its_cost = |idx: usize| sets[idx].coverage.worth_in(&total) / excess.cost(&sets[idx]);
-        let is_free = |idx: usize| kept.iter().all(|&other| other == idx || !sets[other].is_repeat_of(&sets[idx]));
+        let is_free =
+            |idx: usize| kept.iter().all(|&other| other == idx || !sets[other].is_repeat_of(&sets[idx]));
         let free = (0..kept.len()).filter(|&place| is_free(kept[place]));
         let costs: Vec<(usize, f64)> = free.map(|place| (place, worth_of_its_cost(kept[place]))).collect();
         let Some((place, _)) = costs.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
@@ -117,7 +116,7 @@ fn excess(sets: &[EvidenceSet], kept: &[usize], limits: &EvidenceLimits) -> Opti
     if kept.len() > limits.max_sets {
         return Some(Excess::Sets);
     }
-    let max_candidates = MAX_CANDIDATES.max(MIN_FULL_SETS * limits.max_lines_per_view.pow(2));
+    let max_candidates = MAX_FULL_SETS * limits.max_lines_per_view.pow(2);
     let n_cameras = sets.first().map_or(0, |set| set.views.len());
     let pairs = (0..n_cameras).flat_map(|target| (target + 1..n_cameras).map(move |source| (target, source)));
     let n_candidates = |target: usize, source: usize| -> usize {
@@ -133,7 +132,8 @@ fn excess(sets: &[EvidenceSet], kept: &[usize], limits: &EvidenceLimits) -> Opti
 /// What a line tells, at most 1: less when its direction or place is not well known.
 fn weight(line: &EvidenceLine) -> f64 {
     let share = |ratio: f64| 1.0 / (1.0 + ratio * ratio);
-    share(line.sigma_direction_rad / HALF_WEIGHT_SIGMA_RAD) * share(line.sigma_position_m / HALF_WEIGHT_SIGMA_M)
+    share(line.sigma_direction_rad / HALF_WEIGHT_SIGMA_RAD)
+        * share(line.sigma_position_m / HALF_WEIGHT_SIGMA_M)
 }
 
 /// The cell of a line: 27 of direction (a line has no sense, so half a sphere), 9 of the image, 2 of depth.

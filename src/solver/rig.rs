@@ -174,7 +174,8 @@ impl RigEstimator {
         // Of the pairs that could connect another camera to the reference, none of which is trusted, the one with most evidence
         // tells best what is missing.
         let has_pose = |camera: usize| joint.poses[camera].is_some();
-        let told = pairs.iter().map(|pair| &pair.estimate).filter_map(|pair| Some((pair, pair.reason.as_ref()?)));
+        let told =
+            pairs.iter().map(|pair| &pair.estimate).filter_map(|pair| Some((pair, pair.reason.as_ref()?)));
         let joining = told.filter(|(pair, _)| has_pose(pair.target) != has_pose(pair.source));
         let Some((pair, reason)) = joining.max_by_key(|(pair, _)| pair.matches) else {
             let sentence = format!(
@@ -184,7 +185,10 @@ impl RigEstimator {
             return Some((State::Degenerate, Reason { code: ReasonCode::AxisUnobservable, sentence }));
         };
         let (target, source) = (&self.names[pair.target], &self.names[pair.source]);
-        Some((pair.state, Reason { code: reason.code, sentence: format!("{source} from {target}: {}", reason.sentence) }))
+        Some((
+            pair.state,
+            Reason { code: reason.code, sentence: format!("{source} from {target}: {}", reason.sentence) },
+        ))
     }
 
     /// Why a camera never can have a place with what it saw so far.

@@ -35,7 +35,8 @@ pub struct CalibrationDocument {
     pub reference: String,
     /// Every camera but the reference.
     pub cameras: Vec<CameraEntry>,
-    /// Cameras without a place, and what each of them lacks.
+    /// Cameras without a place, and what each of them lacks; left out when every camera has one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<MissingEntry>,
     /// Every pair of cameras.
     pub pairs: Vec<PairEntry>,
@@ -244,10 +245,11 @@ fn missing_entry(
     name: impl Fn(usize) -> String,
 ) -> MissingEntry {
     let link = calibration.missing_link(index);
-    let reason = link.and_then(|link| Some((link, link.reason.as_ref()?))).map(|(link, reason)| ReasonEntry {
-        code: reason.code.name(),
-        sentence: format!("{} from {}: {}", name(link.source), name(link.target), reason.sentence),
-    });
+    let reason =
+        link.and_then(|link| Some((link, link.reason.as_ref()?))).map(|(link, reason)| ReasonEntry {
+            code: reason.code.name(),
+            sentence: format!("{} from {}: {}", name(link.source), name(link.target), reason.sentence),
+        });
     MissingEntry { name: camera.name.clone(), serial: camera.serial.clone(), reason }
 }
 

@@ -67,7 +67,6 @@ fn the_keys_are_those_of_the_contract() {
         "reason",
         "reference",
         "cameras",
-        "missing",
         "pairs",
         "frame_sets",
         "timing_ms",

@@ -29,7 +29,11 @@ fn measured(random: &mut Random, links: &[[usize; 2]], wrong_m: &[([usize; 2], f
         }
         let motion = updated(&(truth[target].inverse() * truth[source]), &step);
         let covariance = Matrix6::from_diagonal_element(SIGMA * SIGMA);
-        PairPose { cameras: [target, source], pose: UncertainMotion { motion, covariance }, matches: 100 - idx }
+        PairPose {
+            cameras: [target, source],
+            pose: UncertainMotion { motion, covariance },
+            matches: 100 - idx,
+        }
     };
     links.iter().enumerate().map(measure).collect()
 }

@@ -7,4 +7,3 @@ mod poses;
 mod retention;
 mod rigs;
 mod room;
-mod throwaway;
