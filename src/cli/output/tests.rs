@@ -29,6 +29,7 @@ fn pair(matches: usize) -> PairEstimate {
         matches,
         full: matches,
         pnl: 0,
+        lead: Some(2.5),
         residual_px: if matches > 0 { 0.6 } else { f64::NAN },
         residual_m: if matches > 0 { 0.0041 } else { f64::NAN },
     }
@@ -93,7 +94,7 @@ fn the_keys_are_those_of_the_contract() {
     );
     assert_eq!(
         keys(&json["pairs"][0]),
-        ["full", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
+        ["full", "lead", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
     );
     assert_eq!(keys(&json["frame_sets"]), ["refused", "seen", "used"]);
     assert_eq!(keys(&json["timing_ms"]), ["associate", "detect", "estimate", "lift", "total"]);
@@ -136,6 +137,29 @@ fn a_result_without_places_has_null_and_no_nan() {
     assert!(!document.is_converged() && !document.is_wrong(0.5, 15.0));
     let text = text::calibration(&document);
     assert!(text.contains("no camera shows an edge") && text.contains("unknown"), "{text}");
+}
+
+#[test]
+fn a_missing_camera_is_told_with_its_reason_while_the_others_have_their_places() {
+    let reason = Reason { code: ReasonCode::NoLines, sentence: "door saw no straight edge".into() };
+    let lost = PairEstimate { source: 2, state: State::Collecting, reason: Some(reason), ..pair(0) };
+    let mut calibration = converged(Motion::translation(0.2, 0.0, 0.0));
+    calibration.state = State::Collecting;
+    calibration.cameras.push(None);
+    calibration.pairs.push(lost);
+    let document = CalibrationDocument::new(&Findings {
+        cameras: &[identity("left"), identity("right"), identity("door")],
+        calibration: &calibration,
+        frame_sets: FrameSets::default(),
+        timing_ms: TimingMs::default(),
+        truth: None,
+    });
+    let json = serde_json::to_value(&document).expect("serialisable");
+    let reason = json!({"code": "no_lines", "sentence": "door from left: door saw no straight edge"});
+    assert_eq!(json["missing"], json!([{"name": "door", "serial": "s-door", "reason": reason}]));
+    assert!(json["cameras"][0]["reference_from_camera"].is_object());
+    let text = text::calibration(&document);
+    assert!(text.contains("door is missing: door from left: door saw no straight edge"), "{text}");
 }
 
 #[test]

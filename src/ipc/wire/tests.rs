@@ -28,6 +28,7 @@ fn calibration() -> CalibrationMessage {
         matches: 73,
         full: 60,
         pnl: 13,
+        lead: Some(2.5),
         residual_px: 0.6,
         residual_m: 0.004,
     };
@@ -109,16 +110,17 @@ fn response(outcome: Outcome) -> Response {
 
 #[test]
 fn the_layouts_are_frozen() {
-    assert_eq!(size_of::<CalibrationWire>(), 81_264);
+    assert_eq!(size_of::<CalibrationWire>(), 82_224);
     assert_eq!(offset_of!(CalibrationWire, reason), 48);
     assert_eq!(offset_of!(CalibrationWire, cameras), 560);
     assert_eq!(offset_of!(CalibrationWire, pairs), 560 + 16 * 424);
     assert_eq!(size_of::<CameraWire>(), 424);
     assert_eq!(offset_of!(CameraWire, reference_from_camera), 80);
     assert_eq!(offset_of!(CameraWire, covariance), 136);
-    assert_eq!(size_of::<PairWire>(), 616);
+    assert_eq!(size_of::<PairWire>(), 624);
     assert_eq!(offset_of!(PairWire, residual_px), 32);
-    assert_eq!(offset_of!(PairWire, reason), 104);
+    assert_eq!(offset_of!(PairWire, lead), 48);
+    assert_eq!(offset_of!(PairWire, reason), 112);
     assert_eq!(size_of::<ProgressWire>(), 240);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 88);
     assert_eq!(offset_of!(ProgressWire, cameras), 112);
@@ -214,6 +216,7 @@ fn a_spoiled_calibration_is_refused_by_the_name_of_the_field() {
     check_refused("pair motion", |w| w.pairs[1].has_motion = 1);
     check_refused("pair residual_px", |w| w.pairs[0].residual_px = f64::NAN);
     check_refused("pair residual_m", |w| w.pairs[0].residual_m = -0.1);
+    check_refused("pair lead", |w| w.pairs[0].lead = f64::INFINITY);
     check_refused("reason has the unknown code 10", |w| w.reason.code = 10);
 }
 

@@ -324,9 +324,9 @@ impl Default for LinesSection {
 pub struct EstimateSection {
     /// Largest distance between two cameras that is considered.
     pub max_baseline_m: f64,
-    /// Lifted lines kept per image.
+    /// Lifted lines kept per image, the most informative.
     pub max_lines_per_view: usize,
-    /// Frame sets kept.
+    /// Frame sets kept, the most informative.
     pub max_sets: usize,
     /// Frame sets with new evidence between two solutions of the daemon.
     pub min_new_sets: u32,

@@ -44,6 +44,7 @@ fn frozen(poses: &[Motion], random: &mut Random) -> RigCalibration {
         matches: 80,
         full: 80,
         pnl: 0,
+        lead: None,
         residual_px: 0.3,
         residual_m: 0.003,
     };

@@ -46,7 +46,9 @@ fn the_true_vector_is_a_zero_of_the_three_quadrics() {
     for _ in 0..50 {
         let truth = any_motion(&mut random);
         let system = system(&mut random, &truth, (8, 0.0), 0);
-        let Some(s) = crate::solver::paper::cgr::cgr_of(&truth.rotation.to_rotation_matrix()) else { continue };
+        let Some(s) = crate::solver::paper::cgr::cgr_of(&truth.rotation.to_rotation_matrix()) else {
+            continue;
+        };
         let products = chart_products(system.products(), &Rotation3::identity());
         let quadrics = three_quadrics(&products).expect("many directions");
         let [x, y, z] = [s.x, s.y, s.z];
