@@ -76,7 +76,11 @@ pub fn parts(near_source_m: Point3<f64>, near_target_m: Point3<f64>) -> Parts {
 }
 
 /// Lines that run from the source's view into the target's, wherever that looks.
-pub fn penetrating(random: &mut Random, target_from_source: &Motion, (n, noise): (usize, f64)) -> Vec<LinePair> {
+pub fn penetrating(
+    random: &mut Random,
+    target_from_source: &Motion,
+    (n, noise): (usize, f64),
+) -> Vec<LinePair> {
     let mut pairs = Vec::new();
     while pairs.len() < n {
         let parts = parts(in_view(random), target_from_source.inverse() * in_view(random));

@@ -108,7 +108,11 @@ fn the_order_of_the_pairs_does_not_matter() {
 }
 
 /// Noisy pairs of lines through points with directions, seen by cameras that look the same way.
-fn scene(random: &mut Random, truth: &Motion, line: impl Fn(&mut Random) -> [Point3<f64>; 2]) -> Vec<LinePair> {
+fn scene(
+    random: &mut Random,
+    truth: &Motion,
+    line: impl Fn(&mut Random) -> [Point3<f64>; 2],
+) -> Vec<LinePair> {
     let parts = |[on_line, further]: [Point3<f64>; 2]| {
         let along = (further - on_line).normalize() * 0.5;
         ([on_line - along, on_line + along], [on_line - along * 0.6, on_line + along * 1.4])
@@ -171,7 +175,8 @@ fn lines_in_one_plane_through_one_point_or_seen_by_a_pure_shift_are_never_solved
     let mut random = Random::named("special scenes");
     for _ in 0..5 {
         let wall = scene(&mut random, &forward_looking(), |random| {
-            let on_wall = |random: &mut Random| Point3::new(0.8 * random.signed(), 0.6 * random.signed(), 2.0);
+            let on_wall =
+                |random: &mut Random| Point3::new(0.8 * random.signed(), 0.6 * random.signed(), 2.0);
             [on_wall(random), on_wall(random)]
         });
         check_never_wrong(&wall, &forward_looking());
@@ -226,6 +231,7 @@ fn the_papers_fixed_epsilon_works_too() {
     let mut random = Random::named("fixed epsilon");
     let truth = any_motion(&mut random);
     let pairs = penetrating(&mut random, &truth, (40, 1.0));
-    let options = PaperOptions { tolerance: Tolerance::Fixed { epsilon_m: 0.015 }, ..PaperOptions::default() };
+    let options =
+        PaperOptions { tolerance: Tolerance::Fixed { epsilon_m: 0.015 }, ..PaperOptions::default() };
     check_near(&solve_pairs(&pairs, &options), &truth, (0.009, 0.02));
 }

@@ -53,10 +53,8 @@ fn the_true_pose_solves_the_system_with_tau_its_translation_times_one_plus_s_squ
 fn the_rows_of_a_point_are_its_distance_from_the_line_and_from_the_viewing_plane() {
     let line = target_line();
     let point_m = Vector3::new(0.5, 0.2, 2.0);
-    let at_identity: Vec<f64> = full_rows(&line, &point_m)
-        .iter()
-        .map(|row| row.normal.dot(&row.point_m) + row.offset_m)
-        .collect();
+    let at_identity: Vec<f64> =
+        full_rows(&line, &point_m).iter().map(|row| row.normal.dot(&row.point_m) + row.offset_m).collect();
     let distance_m = (point_m - line.point_m).cross(&line.direction).norm();
     assert!((Vector3::from_column_slice(&at_identity[..3]).norm() - distance_m).abs() < 1e-12);
     let normal = line.point_m.cross(&line.direction).normalize();
