@@ -1,4 +1,4 @@
-//! Time of the paper's solver on one core: the roots of three quadrics, and exact voting with its growth. Each answer is
+//! Time of the paper's solver on one core: roots of three quadrics, exact voting with its growth, a complete solve. Each answer is
 //! checked before it is timed.
 #![allow(missing_docs, reason = "criterion_group! writes an undocumented function")]
 #![allow(clippy::expect_used, reason = "a bench stops at the first wrong answer")]
@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix2, Matrix3, Point3, Quaternion, RowSVector, SMatrix, UnitQuaternion, Vector3, Vector4};
-use pelical::geometry::motion::Motion;
+use pelical::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use pelical::geometry::{DepthFit, EdgeSide, LineObservation, PixelPoint, RayPoint, Segment};
-use pelical::solver::LinePair;
 use pelical::solver::paper::convergence_vote::{Tolerance, convergence_vote};
 use pelical::solver::paper::re3q3::{re3q3, re3q3_projective};
 use pelical::solver::paper::translation_candidate::{TranslationCandidate, TranslationLine};
+use pelical::solver::paper::{PaperOptions, solve_pairs};
+use pelical::solver::{LinePair, TargetSide};
 
 const FOCAL_PX: f64 = 600.0;
 const SIGMA_ACROSS: f64 = 0.3 / FOCAL_PX;
@@ -229,7 +230,27 @@ fn voting(criterion: &mut Criterion) {
     }
 }
 
-// The complete solve of 50 and of 200 lines stands here.
+/// Quadratic system, roots, refinement and voting of pairs of which [`OUTLIERS`] are wrong and a quarter has no target depth.
+fn complete_solve(criterion: &mut Criterion) {
+    let variants = [("as published", PaperOptions::as_published()), ("whitened", PaperOptions::whitened())];
+    for (name, options) in variants {
+        for n_pairs in [50, 200] {
+            let mut pairs = pairs(&mut Random(n_pairs as u64), n_pairs);
+            for pair in pairs.iter_mut().step_by(4) {
+                if let TargetSide::Full(line) = &pair.target {
+                    pair.target = TargetSide::Pnl(LineObservation { depth: None, ..line.observation });
+                }
+            }
+            let found = solve_pairs(&pairs, &options).target_from_source.expect("enough right pairs");
+            let gap_deg = rotation_gap_rad(&found, &target_from_source()).to_degrees();
+            let gap_mm = 1e3 * translation_gap_m(&found, &target_from_source());
+            assert!(gap_deg < 0.5 && gap_mm < 20.0, "{gap_deg} deg, {gap_mm} mm off");
+            criterion.bench_function(&format!("complete solve of {n_pairs} lines, {name}"), |bencher| {
+                bencher.iter(|| solve_pairs(black_box(&pairs), &options));
+            });
+        }
+    }
+}
 
-criterion_group!(benches, roots, voting);
+criterion_group!(benches, roots, voting, complete_solve);
 criterion_main!(benches);

@@ -21,7 +21,9 @@ use crate::solver::LinePair;
 
 /// Hypotheses whose voters are counted in one round, best first.
 const MAX_VOTES: usize = 2;
-/// Steps from a refined root to its minimum (3 to 6 are needed).
+/// Steps that bring a hypothesis near enough to its minimum for the vote, which tolerates millimetres.
+const STEPS_TO_THE_VOTE: usize = 4;
+/// Steps from there to the minimum of the voters (3 to 6 are needed).
 const STEPS_TO_THE_MINIMUM: usize = 10;
 /// A pair whose direction is further off than this has no vote, rad: beyond what noise does to a usable line (11 deg).
 const MAX_ANGLE_RAD: f64 = 0.2;
@@ -139,7 +141,7 @@ fn voted(pairs: &[ReadPair<'_>], starts: Starts, options: &PaperOptions) -> Resu
     }
     let mut most = 0;
     for rank in 0..rivals.len().min(MAX_VOTES) {
-        let refined = refine(&objective(pairs, options), &rivals[rank], STEPS_TO_THE_MINIMUM);
+        let refined = refine(&objective(pairs, options), &rivals[rank], STEPS_TO_THE_VOTE);
         let voters = voters(pairs, &refined.target_from_source, options);
         if voters.len() >= options.min_voters {
             rivals.remove(rank);
@@ -187,16 +189,16 @@ fn equal_rival(
     winner: &Motion,
     (rival, limit): (&Motion, f64),
 ) -> Option<(f64, f64)> {
+    let gaps = |rival: &Motion| {
+        let gaps = (rotation_gap_rad(winner, rival), translation_gap_m(winner, rival));
+        (gaps.0 > OTHER_POSE_RAD || gaps.1 > OTHER_POSE_M).then_some(gaps)
+    };
+    gaps(rival)?;
     if objective.at(rival).cost > HOPELESS_RIVAL * limit * objective.pairs.len() as f64 {
         return None;
     }
-    let rival = refine(objective, rival, STEPS_TO_THE_MINIMUM);
-    let gaps = (
-        rotation_gap_rad(winner, &rival.target_from_source),
-        translation_gap_m(winner, &rival.target_from_source),
-    );
-    let differs = gaps.0 > OTHER_POSE_RAD || gaps.1 > OTHER_POSE_M;
-    (differs && rival.mean_cost <= limit).then_some(gaps)
+    let refined = refine(objective, rival, STEPS_TO_THE_MINIMUM);
+    gaps(&refined.target_from_source).filter(|_| refined.mean_cost <= limit)
 }
 
 /// Standard deviations of the pose in its worst directions, translation (m) and rotation (rad): from the information of the objective and

@@ -8,7 +8,7 @@ use nalgebra::{Translation3, UnitQuaternion};
 use super::quadratic::{QuadraticSystem, RotationSystem};
 use super::refine::{Objective, ReadPair, Refined, Weighting, refine};
 use super::rotation_roots::{RotationRoot, Starts, rotation_roots};
-use crate::geometry::motion::Motion;
+use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
 /// Widths of the loss on the way, mm and px: from what a root misses by to what noise makes of a far line.
 const WIDTHS: [f64; 3] = [60.0, 20.0, 6.0];
@@ -16,6 +16,10 @@ const WIDTHS: [f64; 3] = [60.0, 20.0, 6.0];
 const KEPT: [usize; 3] = [8, 4, 4];
 /// Steps with each width.
 const STEPS: usize = 4;
+/// Poses closer than this, rad (0.5 deg) ...
+const SAME_MINIMUM_RAD: f64 = 0.01;
+/// ... and this, m, are refined as one.
+const SAME_MINIMUM_M: f64 = 0.01;
 
 /// The refined roots, least robust cost first. Empty where the pairs leave the translation open.
 pub fn hypotheses(pairs: &[ReadPair<'_>], starts: Starts) -> Vec<Motion> {
@@ -33,9 +37,19 @@ pub fn hypotheses(pairs: &[ReadPair<'_>], starts: Starts) -> Vec<Motion> {
         let mut refined: Vec<Refined> =
             poses_kept.map(|pose| refine(&objective(loss_width), pose, STEPS)).collect();
         refined.sort_by(|a, b| a.mean_cost.total_cmp(&b.mean_cost));
-        poses = refined.into_iter().map(|refined| refined.target_from_source).collect();
+        poses.clear();
+        for Refined { target_from_source, .. } in refined {
+            if poses.iter().all(|better| !is_same(better, &target_from_source)) {
+                poses.push(target_from_source);
+            }
+        }
     }
     poses
+}
+
+/// Whether two poses are on their way into one minimum.
+fn is_same(a: &Motion, b: &Motion) -> bool {
+    rotation_gap_rad(a, b) < SAME_MINIMUM_RAD && translation_gap_m(a, b) < SAME_MINIMUM_M
 }
 
 fn pose(system: &RotationSystem, root: &RotationRoot) -> Motion {

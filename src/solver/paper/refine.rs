@@ -13,8 +13,8 @@ use crate::solver::residual::{match_residual, offset_residual};
 use crate::solver::{LinePair, TargetSide};
 
 const MM_PER_M: f64 = 1e3;
-/// A step this small ends the iteration: m and rad.
-const SMALL_STEP: f64 = 1e-7;
+/// A step this small ends the iteration, m and rad: the next one is its square.
+const SMALL_STEP: f64 = 1e-6;
 /// Squared error, in loss widths, of a pair whose line predicts nothing: it must not look better than a wrong pair.
 const NOTHING_PREDICTED: f64 = 1e5;
 /// Damping beyond which no step can make the cost smaller.
