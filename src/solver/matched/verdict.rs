@@ -25,6 +25,8 @@ const AGREES_BY_CHANCE: f64 = 0.02;
 const CELL_PX: f64 = 16.0;
 /// Halves may differ by this many joint standard deviations (squared; 99.9 % for six degrees of freedom is 22.5).
 const MAX_HALVES_DISTANCE2: f64 = 30.0;
+/// Half of the matches may leave the pose this many times as uncertain as all may.
+const HALF_SIGMA: f64 = 3.0;
 /// How many times the information that noise alone makes up is taken off before the pose counts as observed.
 const NOISE_MADE: f64 = 2.0;
 
@@ -53,11 +55,16 @@ pub fn really_differ(a: &Motion, b: &Motion) -> bool {
 /// # Errors
 /// The first objection.
 pub fn judge(bench: &Bench<'_>) -> Result<Matrix6<f64>, Objection> {
-    let checks = [evidence, lead, residual, observability, halves];
+    let checks = [evidence, lead, residual];
     if let Some(objection) = checks.iter().find_map(|check| check(bench)) {
         return Err(objection);
     }
-    covariance(&bench.best.information).ok_or_else(no_pose)
+    let parts = parts(bench);
+    let checks = [observability, halves];
+    match checks.iter().find_map(|check| check(bench, &parts)) {
+        Some(objection) => Err(objection),
+        None => covariance(&bench.best.information).ok_or_else(no_pose),
+    }
 }
 
 /// The objection where no two matches fit each other.
@@ -175,54 +182,30 @@ fn residual(bench: &Bench<'_>) -> Option<Objection> {
     Some(object(State::Failed, ReasonCode::ResidualTooHigh, sentence))
 }
 
-fn observability(bench: &Bench<'_>) -> Option<Objection> {
-    let observed = bench.best.information - noise_made(bench) * NOISE_MADE;
-    let Some(covariance) = covariance(&observed) else { return Some(no_pose()) };
-    let (sigma_m, axis) = worst_axis(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
-    let (sigma_rad, turn_axis) = worst_axis(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
-    let MatchedLimits { max_sigma_translation_m, max_sigma_rotation_rad, .. } = *bench.limits;
-    let (what, sigma, limit) = if sigma_m > max_sigma_translation_m {
-        (
-            format!("translation along the target's {}", in_words(&axis)),
-            format!("{:.1} mm", 1e3 * sigma_m),
-            format!("{:.1} mm", 1e3 * max_sigma_translation_m),
-        )
-    } else if sigma_rad > max_sigma_rotation_rad {
-        (
-            format!("rotation about the target's {}", in_words(&turn_axis)),
-            format!("{:.2} deg", sigma_rad.to_degrees()),
-            format!("{:.2} deg", max_sigma_rotation_rad.to_degrees()),
-        )
-    } else {
-        return None;
-    };
-    let sentence = format!(
-        "{} matches leave the {what} uncertain by {sigma} (one sigma; limit {limit}): show edges that are not parallel to these, \
-         near the cameras",
-        bench.best.inliers.len()
-    );
-    // Far above the limit the lines do not fix the axis at all; near it, more of the same helps.
-    let is_open = sigma_m > 10.0 * max_sigma_translation_m || sigma_rad > 10.0 * max_sigma_rotation_rad;
-    let state = if is_open { State::Degenerate } else { State::Collecting };
-    Some(object(state, ReasonCode::AxisUnobservable, sentence))
+/// What one agreeing match says of the pose.
+struct Part {
+    set: u32,
+    /// Of a step, with the noise found.
+    information: Matrix6<f64>,
+    /// The same without what noise makes up.
+    observed: Matrix6<f64>,
+    gradient: Vector6<f64>,
 }
 
-/// The part of the information that the lines' noise makes up.
-///
 /// Noisy parallel lines are not parallel: each seems to fix a little of what none of them does, and many of them much. Noise as
-/// large once more, added to the source lines, makes up as much once more.
-fn noise_made(bench: &Bench<'_>) -> Matrix6<f64> {
+/// large once more, added to the source line, makes up as much once more; so it is known and taken off.
+fn parts(bench: &Bench<'_>) -> Vec<Part> {
     let Fit { pose, inliers, noise_scale, .. } = bench.best;
     let mut signs = Generator::new();
-    let mut noisier = Matrix6::zeros();
-    for &at in inliers {
-        let mut pair = bench.sights.pairs[at].clone();
-        pair.source = shaken(&pair.source, &mut signs, *noise_scale);
-        if let Some(found) = whitened(&pair, pose, *noise_scale) {
-            noisier += found.information;
-        }
-    }
-    noisier - bench.best.information
+    let part = |&at: &usize| {
+        let pair = bench.sights.pairs[at];
+        let shaken = LinePair { source: shaken(&pair.source, &mut signs, *noise_scale), ..pair.clone() };
+        let found = whitened(pair, pose, *noise_scale)?;
+        let noisier = whitened(&shaken, pose, *noise_scale)?.information;
+        let observed = found.information - (noisier - found.information) * NOISE_MADE;
+        Some(Part { set: pair.set, information: found.information, observed, gradient: found.gradient })
+    };
+    inliers.iter().filter_map(part).collect()
 }
 
 /// The line with one more standard deviation on each of its measurements, up or down.
@@ -237,51 +220,99 @@ fn shaken(line: &EvidenceLine, signs: &mut Generator, noise_scale: f64) -> Evide
     shaken
 }
 
-fn halves(bench: &Bench<'_>) -> Option<Objection> {
-    let halves = split(bench).map(|half| step(bench, &half).zip(Some(half.len())));
-    let [Some(((first, spread), n_first)), Some(((second, other_spread), n_second))] = halves else {
-        let sentence = "half of the matched lines alone fix no pose: show more edges in several directions";
-        return Some(object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence.to_owned()));
+fn observability(bench: &Bench<'_>, parts: &[Part]) -> Option<Objection> {
+    let observed: Matrix6<f64> = parts.iter().map(|part| part.observed).sum();
+    let Some(covariance) = covariance(&observed) else { return Some(no_pose()) };
+    let doubt = doubt(&covariance, bench.limits)?;
+    let sentence = format!(
+        "{} matches leave the {}: show edges that are not parallel to these, near the cameras",
+        parts.len(),
+        doubt.what
+    );
+    Some(object(doubt.state, ReasonCode::AxisUnobservable, sentence))
+}
+
+/// What is too uncertain.
+struct Doubt {
+    state: State,
+    what: String,
+}
+
+fn doubt(covariance: &Matrix6<f64>, limits: &MatchedLimits) -> Option<Doubt> {
+    let (sigma_m, axis) = worst_axis(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
+    let (sigma_rad, turn_axis) = worst_axis(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
+    let MatchedLimits { max_sigma_translation_m, max_sigma_rotation_rad, .. } = *limits;
+    let what = if sigma_m > max_sigma_translation_m {
+        let (sigma_mm, limit_mm) = (1e3 * sigma_m, 1e3 * max_sigma_translation_m);
+        let axis = in_words(&axis);
+        format!(
+            "translation along the target's {axis} uncertain by {sigma_mm:.1} mm (one sigma; limit {limit_mm:.1} mm)"
+        )
+    } else if sigma_rad > max_sigma_rotation_rad {
+        let (sigma_deg, limit_deg) = (sigma_rad.to_degrees(), max_sigma_rotation_rad.to_degrees());
+        let axis = in_words(&turn_axis);
+        format!(
+            "rotation about the target's {axis} uncertain by {sigma_deg:.2} deg (one sigma; limit {limit_deg:.2} deg)"
+        )
+    } else {
+        return None;
     };
-    let gap = first - second;
-    let distance2 = (spread + other_spread).cholesky()?.solve(&gap).dot(&gap);
+    // Far above the limit the lines do not fix the axis at all; near it, more of the same helps.
+    let is_open = sigma_m > 10.0 * max_sigma_translation_m || sigma_rad > 10.0 * max_sigma_rotation_rad;
+    Some(Doubt { state: if is_open { State::Degenerate } else { State::Collecting }, what })
+}
+
+/// Each half must fix the pose by itself, so that no axis rests on a match or two, and both must agree.
+fn halves(bench: &Bench<'_>, parts: &[Part]) -> Option<Objection> {
+    let half_limits = MatchedLimits {
+        max_sigma_translation_m: HALF_SIGMA * bench.limits.max_sigma_translation_m,
+        max_sigma_rotation_rad: HALF_SIGMA * bench.limits.max_sigma_rotation_rad,
+        ..*bench.limits
+    };
+    let (mut gap, mut spread) = (Vector6::zeros(), Matrix6::zeros());
+    for (half, sign) in split(parts).iter().zip([1.0, -1.0]) {
+        let observed: Matrix6<f64> = half.iter().map(|part| part.observed).sum();
+        let doubt = match covariance(&observed) {
+            Some(covariance) => doubt(&covariance, &half_limits).map(|doubt| doubt.what),
+            None => Some("pose open".to_owned()),
+        };
+        if let Some(what) = doubt {
+            let sentence = format!(
+                "{} matches, half of those that agree, leave the {what}: too much rests on the others; show more edges in \
+                 several directions",
+                half.len()
+            );
+            return Some(object(State::Collecting, ReasonCode::AxisUnobservable, sentence));
+        }
+        // The step from the common minimum to that of this half.
+        let covariance = covariance(&half.iter().map(|part| part.information).sum())?;
+        gap += covariance * half.iter().map(|part| part.gradient).sum::<Vector6<f64>>() * sign;
+        spread += covariance;
+    }
+    let distance2 = spread.cholesky()?.solve(&gap).dot(&gap);
     if distance2 <= MAX_HALVES_DISTANCE2 {
         return None;
     }
     let sentence = format!(
-        "two independent halves of the matches ({n_first} and {n_second}) differ by {:.2} deg and {:.1} mm, more than their noise \
-         explains: check that the cameras are fixed to each other and that the matches are of one moment each",
+        "two independent halves of the matches differ by {:.2} deg and {:.1} mm, more than their noise explains: check that the \
+         cameras are fixed to each other and that the matches are of one moment each",
         gap.fixed_rows::<3>(3).norm().to_degrees(),
         1e3 * gap.fixed_rows::<3>(0).norm()
     );
     Some(object(State::Failed, ReasonCode::HalvesDisagree, sentence))
 }
 
-/// The agreeing matches of every other frame set; with a single set, every other match.
-fn split(bench: &Bench<'_>) -> [Vec<usize>; 2] {
-    let set = |at: usize| bench.sights.pairs[at].set;
-    let mut sets: Vec<u32> = bench.best.inliers.iter().map(|&at| set(at)).collect();
+/// The matches of every other frame set; with a single set, every other match.
+fn split(parts: &[Part]) -> [Vec<&Part>; 2] {
+    let mut sets: Vec<u32> = parts.iter().map(|part| part.set).collect();
     sets.sort_unstable();
     sets.dedup();
     let mut halves = [Vec::new(), Vec::new()];
-    for (rank, &at) in bench.best.inliers.iter().enumerate() {
-        let turn = if sets.len() > 1 { sets.binary_search(&set(at)).unwrap_or(0) } else { rank };
-        halves[turn % 2].push(at);
+    for (rank, part) in parts.iter().enumerate() {
+        let turn = if sets.len() > 1 { sets.binary_search(&part.set).unwrap_or(0) } else { rank };
+        halves[turn % 2].push(part);
     }
     halves
-}
-
-/// The step from the best pose to that of some matches alone, and its covariance; `None` where they fix no pose.
-fn step(bench: &Bench<'_>, matches: &[usize]) -> Option<(Vector6<f64>, Matrix6<f64>)> {
-    let (mut information, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
-    for &at in matches {
-        if let Some(found) = whitened(bench.sights.pairs[at], &bench.best.pose, bench.best.noise_scale) {
-            information += found.information;
-            gradient += found.gradient;
-        }
-    }
-    let covariance = covariance(&information)?;
-    Some((-(covariance * gradient), covariance))
 }
 
 /// The inverse of an information matrix; `None` when it fixes no pose.

@@ -111,7 +111,7 @@ pub fn view(random: &mut Random, room: &Room, world_from_camera: &Motion) -> Cam
 }
 
 /// The part of an edge that lies in the image and at 0.3 to 5 m; `None` when shorter than 60 px.
-fn visible(edge: &[Point3<f64>; 2]) -> Option<[Point3<f64>; 2]> {
+pub fn visible(edge: &[Point3<f64>; 2]) -> Option<[Point3<f64>; 2]> {
     let camera = camera();
     let on_edge = |k: usize| edge[0] + (edge[1] - edge[0]) * (k as f64 / 100.0);
     let is_seen = |point: &Point3<f64>| {
@@ -124,7 +124,8 @@ fn visible(edge: &[Point3<f64>; 2]) -> Option<[Point3<f64>; 2]> {
     ((end.x - start.x).hypot(end.y - start.y) >= 60.0).then_some([first, last])
 }
 
-fn measured(random: &mut Random, a: Point3<f64>, b: Point3<f64>) -> LineObservation {
+/// What a camera measures of the visible part of an edge.
+pub fn measured(random: &mut Random, a: Point3<f64>, b: Point3<f64>) -> LineObservation {
     let camera = camera();
     let ray = |point: &Point3<f64>| (point.x / point.z, point.y / point.z);
     let ((ax, ay), (bx, by)) = (ray(&a), ray(&b));
