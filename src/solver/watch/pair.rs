@@ -113,6 +113,16 @@ impl Shift {
     }
 }
 
+/// How the frozen pose stands, and what another one must show to be taken instead.
+struct Rival {
+    /// What the frozen pose scores.
+    score: f64,
+    /// Views in which both cameras see lines.
+    n_views: usize,
+    /// Least number of matches of the other one.
+    min_matches: usize,
+}
+
 /// A pair under watch.
 #[derive(Debug, Clone)]
 pub(super) struct PairWatch {
@@ -127,6 +137,8 @@ pub(super) struct PairWatch {
     suspect: Option<Motion>,
     /// Frame sets until the next search over all poses.
     wait: u32,
+    /// Matches when the frozen pose was confirmed last; as many are enough to say that the pair now stands nearby.
+    confirmed_matches: Option<usize>,
     /// The alarm is on, and this pair sees a camera that is said to be moved.
     pub(super) is_accused: bool,
 }
@@ -147,6 +159,7 @@ impl PairWatch {
             usual_matches,
             suspect: None,
             wait: 0,
+            confirmed_matches: None,
             is_accused: false,
         })
     }
@@ -168,6 +181,7 @@ impl PairWatch {
         let noise_scale = near.as_ref().map_or(1.0, |near| near.noise_scale);
         let support = self.support(&scene, noise_scale);
         let score: f64 = support.iter().map(|found| found.gain).sum();
+        let least = bench.options.verdict.min_matches;
         if let Some(shift) = self.still_suspect(scene, score, bench) {
             return Sight::Moved(shift);
         }
@@ -177,14 +191,21 @@ impl PairWatch {
                 let shift = self.shift_to(&near);
                 let is_supported = self.is_usual(support.len(), n_views);
                 match shift.filter(|shift| is_supported && !self.is_move(shift, bench)) {
-                    Some(shift) => return Sight::Confirmed(shift),
-                    None => self.trusted((scene, &alone(near)), (score, n_views), bench),
+                    Some(shift) => {
+                        self.confirmed_matches = Some(support.len());
+                        return Sight::Confirmed(shift);
+                    }
+                    None => {
+                        let before = self.confirmed_matches.unwrap_or(least);
+                        let min_matches = before.max(MIN_CONFIRMING).min(least);
+                        self.trusted((scene, &alone(near)), &Rival { score, n_views, min_matches }, bench)
+                    }
                 }
             }
             _ if self.wait > 0 => None,
             _ => {
                 self.wait = SETS_BETWEEN_SEARCHES;
-                self.search(pair, (score, n_views), bench)
+                self.search(pair, &Rival { score, n_views, min_matches: least }, bench)
             }
         };
         self.suspect = found.as_ref().map(|shift| shift.target_from_source);
@@ -224,7 +245,7 @@ impl PairWatch {
     }
 
     /// Ranks all poses; the move to the best when that is to be trusted.
-    fn search(&self, pair: PairEvidence<'_>, against: (f64, usize), bench: &Bench<'_>) -> Option<Shift> {
+    fn search(&self, pair: PairEvidence<'_>, frozen: &Rival, bench: &Bench<'_>) -> Option<Shift> {
         let limits = RankLimits {
             cameras: bench.cameras,
             max_baseline_m: bench.options.max_baseline_m,
@@ -233,20 +254,21 @@ impl PairWatch {
         };
         let Ranked::Poses(ranking) = rank_poses(pair, &limits) else { return None };
         let scene = Scene { pair, candidates: &ranking.candidates };
-        self.trusted((scene, &ranking), against, bench)
+        self.trusted((scene, &ranking), frozen, bench)
     }
 
     /// The move to the best pose of a ranking when that passes the tests of a verdict and leads before the frozen pose's score.
     fn trusted(
         &self,
         (scene, ranking): (Scene<'_>, &Ranking),
-        (score, n_views): (f64, usize),
+        frozen: &Rival,
         bench: &Bench<'_>,
     ) -> Option<Shift> {
         let verdict = bench.options.verdict;
-        let is_single = n_views < 2;
+        let is_single = frozen.n_views < 2;
         let limits = VerdictLimits {
-            min_views: verdict.min_views.min(n_views),
+            min_matches: frozen.min_matches,
+            min_views: verdict.min_views.min(frozen.n_views),
             min_matches_elsewhere: if is_single { 0 } else { verdict.min_matches_elsewhere },
             max_sigma_translation_m: LOOSER_SIGMA * verdict.max_sigma_translation_m,
             max_sigma_rotation_rad: LOOSER_SIGMA * verdict.max_sigma_rotation_rad,
@@ -254,7 +276,7 @@ impl PairWatch {
         };
         let (state, _) = judge(&verdict::Bench { scene, ranking, limits });
         let shift = self.shift_to(&ranking.best)?;
-        let is_trusted = state == State::Converged && leads(&ranking.best, score);
+        let is_trusted = state == State::Converged && leads(&ranking.best, frozen.score);
         (is_trusted && self.is_move(&shift, bench)).then_some(shift)
     }
 
