@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Unit, Vector3};
 
-use crate::geometry::{CameraView, LineObservation, SurfaceSample};
+use crate::geometry::{CameraView, LineObservation, RayPoint, SurfaceSample};
 
 /// A line is where it was when its ends lie this close to the old one, across, px: about 2 degrees of rig rotation.
 const SAME_PLACE_ACROSS_PX: f64 = 20.0;
@@ -19,6 +19,11 @@ const REPEATED_SHARE: f64 = 0.5;
 const MAX_SETS_PER_POSE: usize = 8;
 /// Of a repeated set fewer new lines than this, in each of two cameras, are flicker and not a changed scene.
 const MIN_NEW_LINES: usize = 3;
+
+/// Segments without depth kept per view, the longest: short ones match anything.
+const MAX_UNLIFTED_PER_VIEW: usize = 80;
+/// Segments whose place is kept per view, the longest: to know what a camera did not see.
+const MAX_OUTLINES_PER_VIEW: usize = 300;
 
 /// A lifted line prepared for voting.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,6 +106,10 @@ impl EvidenceLine {
 pub struct EvidenceView {
     /// Lifted lines, longest first.
     pub lines: Vec<EvidenceLine>,
+    /// Segments without depth, longest first; none in a set that repeats a rig pose.
+    pub unlifted: Vec<LineObservation>,
+    /// The ends of all segments, lifted or not and whether kept as a line or not, longest first: what is not here was not seen.
+    pub outlines: Vec<[RayPoint; 2]>,
     /// Coarse surfaces.
     pub surface: Vec<SurfaceSample>,
 }
@@ -158,6 +167,8 @@ impl Evidence {
                 return false;
             }
             same_pose.iter().for_each(|known| drop_known(&mut set, known));
+            // Whether one without depth was there before is hard to say.
+            set.views.iter_mut().flatten().for_each(|view| view.unlifted.clear());
         }
         let is_new = set.views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() >= 2;
         if is_new {
@@ -182,7 +193,14 @@ impl Evidence {
 
     fn prepare(&self, view: &CameraView) -> EvidenceView {
         let lines = view.lines.iter().filter_map(EvidenceLine::try_new).take(self.limits.max_lines_per_view);
-        EvidenceView { lines: lines.collect(), surface: view.surface.clone() }
+        let unlifted = view.lines.iter().filter(|line| line.depth.is_none()).take(MAX_UNLIFTED_PER_VIEW);
+        let outlines = view.lines.iter().map(|line| line.ends).take(MAX_OUTLINES_PER_VIEW);
+        EvidenceView {
+            lines: lines.collect(),
+            unlifted: unlifted.copied().collect(),
+            outlines: outlines.collect(),
+            surface: view.surface.clone(),
+        }
     }
 }
 

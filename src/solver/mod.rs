@@ -1,17 +1,22 @@
 //! From lines seen by several cameras to the extrinsics of the rig.
 
 pub mod association;
+pub mod axes;
 pub mod candidates;
 pub mod consensus;
 pub mod evidence;
 pub mod free_space;
 pub mod joint;
 pub mod line_pair;
+pub mod missing;
+pub mod noise;
+pub mod pnl;
 pub mod refine;
 pub mod residual;
 pub mod result;
 pub mod rig;
 pub mod rotation_vote;
+pub mod sides;
 pub mod translation_vote;
 pub mod verdict;
 

@@ -46,8 +46,13 @@ pub fn refine(
     start: &Motion,
     (noise_scale, max_steps): (f64, usize),
 ) -> Refined {
+    descend(start, max_steps, |pose| NormalEquations::at(scene, matches, pose, noise_scale))
+}
+
+/// Levenberg-Marquardt from `start` over the robust cost that `system_at` sums at a pose, in at most `max_steps`.
+pub fn descend(start: &Motion, max_steps: usize, system_at: impl Fn(&Motion) -> NormalEquations) -> Refined {
     let mut pose = *start;
-    let mut system = NormalEquations::at(scene, matches, &pose, noise_scale);
+    let mut system = system_at(&pose);
     let mut damping = 1e-4;
     let mut stop = Stop::StepLimit;
     for _ in 0..max_steps {
@@ -56,7 +61,7 @@ pub fn refine(
             break;
         };
         let next_pose = updated(&pose, &step);
-        let next = NormalEquations::at(scene, matches, &next_pose, noise_scale);
+        let next = system_at(&next_pose);
         if next.cost <= system.cost {
             pose = next_pose;
             system = next;
@@ -90,26 +95,30 @@ impl NormalEquations {
     /// Sums the matches (indices of candidates) at a pose.
     pub fn at(scene: &Scene<'_>, matches: &[usize], pose: &Motion, noise_scale: f64) -> Self {
         let mut sum = Self { cost: 0.0, information: Matrix6::zeros(), gradient: Vector6::zeros() };
-        let width2 = LOSS_WIDTH * LOSS_WIDTH;
         for &idx in matches {
             let found = scene
                 .pair
                 .pair(&scene.candidates[idx])
                 .and_then(|(target, source)| match_residual(target, source, pose));
-            let whitened = found.and_then(|found| Whitened::new(&found, noise_scale));
-            let Some(whitened) = whitened else {
-                // A line that predicts nothing here must not look better than a bad match.
-                sum.cost += 0.5 * width2 * (1.0 + 10.0 * MAX_DISTANCE2 / width2).ln();
-                continue;
-            };
-            // Cauchy: rho = w²/2 ln(1 + d²/w²), weight 1 / (1 + d²/w²).
-            let ratio = whitened.distance2 / width2;
-            let weight = 1.0 / (1.0 + ratio);
-            sum.cost += 0.5 * width2 * ratio.ln_1p();
-            sum.information += whitened.information * weight;
-            sum.gradient += whitened.gradient * weight;
+            sum.add(found.and_then(|found| Whitened::new(&found, noise_scale)), LOSS_WIDTH);
         }
         sum
+    }
+
+    /// Adds one match under a Cauchy loss `loss_width` standard deviations wide; `None` where the line predicts nothing.
+    pub fn add(&mut self, whitened: Option<Whitened>, loss_width: f64) {
+        let width2 = loss_width * loss_width;
+        let Some(whitened) = whitened else {
+            // A line that predicts nothing here must not look better than a bad match.
+            self.cost += 0.5 * width2 * (1.0 + 10.0 * MAX_DISTANCE2 / width2).ln();
+            return;
+        };
+        // Cauchy: rho = w²/2 ln(1 + d²/w²), weight 1 / (1 + d²/w²).
+        let ratio = whitened.distance2 / width2;
+        let weight = 1.0 / (1.0 + ratio);
+        self.cost += 0.5 * width2 * ratio.ln_1p();
+        self.information += whitened.information * weight;
+        self.gradient += whitened.gradient * weight;
     }
 
     /// The same with every weight multiplied by a factor.

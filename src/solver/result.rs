@@ -120,7 +120,7 @@ pub struct PairEstimate {
     pub matches: usize,
     /// Of these, lifted on both sides.
     pub full: usize,
-    /// Of these, lifted on one side only; the consensus estimator uses none.
+    /// Of these, lifted on one side only.
     pub pnl: usize,
     /// Root mean square distance of the target segment's ends from the predicted line, px.
     pub residual_px: f64,

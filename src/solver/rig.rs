@@ -5,7 +5,8 @@ use super::candidates::PairEvidence;
 use super::consensus::{RankLimits, Ranked, Ranking, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
 use super::joint::{Edge, JointPoses, solve_joint};
-use super::refine::NormalEquations;
+use super::noise::information_factor;
+use super::pnl::Matched;
 use super::result::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
 use super::verdict::{Bench, VerdictLimits, judge, residuals};
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
@@ -154,8 +155,9 @@ impl RigEstimator {
         (estimate.state, estimate.reason) = judge(&bench);
         let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);
-        estimate.matches = ranking.best.matches.len();
-        estimate.full = estimate.matches;
+        estimate.full = ranking.best.matches.len();
+        estimate.pnl = ranking.best.pnl.len();
+        estimate.matches = ranking.best.n_matches();
         estimate.residual_px = offset * self.cameras[target].mean_focal_px();
         estimate.residual_m = distance_m;
         JudgedPair { estimate, ranking: Some(ranking) }
@@ -173,7 +175,7 @@ impl RigEstimator {
         let evidence = PairEvidence { evidence: &self.evidence, target, source };
         let scene = Scene { pair: evidence, candidates: &ranking.candidates };
         let best = &ranking.best;
-        let matches: Vec<usize> = best.matches.iter().map(|found| found.candidate).collect();
+        let matched = Matched::new(&best.matches, &best.pnl);
         let noise_scale = best.noise_scale;
         Some(Edge {
             target,
@@ -181,8 +183,7 @@ impl RigEstimator {
             target_from_source: best.refined.target_from_source,
             score: best.score,
             equations: Box::new(move |pose: &Motion| {
-                // As in the verdict on the pair: excess noise does not average out.
-                NormalEquations::at(&scene, &matches, pose, noise_scale).scaled(noise_scale.powi(-2))
+                matched.equations(&scene, pose, noise_scale).scaled(information_factor(noise_scale))
             }),
         })
     }

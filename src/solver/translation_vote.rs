@@ -37,6 +37,8 @@ pub struct TranslationLine {
     pub point_m: Vector3<f64>,
     /// Unit direction of the line.
     pub direction: Vector3<f64>,
+    /// Whether both lines run the same way, each with its brighter side on the right.
+    pub is_same_way: bool,
     /// Standard deviation across the line at `point_m`, m.
     pub sigma_position_m: f64,
     /// Growth of that deviation per metre along the line.
@@ -76,6 +78,7 @@ pub fn translation_lines(
             candidate: idx,
             point_m: candidate.target_middle_m - rotation * candidate.source_middle_m,
             direction,
+            is_same_way: direction.dot(&candidate.target_direction) > 0.0,
             sigma_position_m: candidate.sigma_position_m,
             sigma_angle_rad: candidate.sigma_angle_rad,
         });

@@ -5,11 +5,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
+use nalgebra::{Matrix6, Vector6};
 
-use super::association::{Match, Scene};
-use super::consensus::{Hypothesis, MAX_NOISE_SCALE, Ranking};
-use super::refine::{Refined, TO_THE_MINIMUM, refine};
+use super::association::Scene;
+use super::axes::{in_words, worst_axis};
+use super::consensus::{Hypothesis, Ranking};
+use super::noise::{MAX_NOISE_SCALE, covariance};
+use super::pnl::Matched;
+use super::refine::{Refined, TO_THE_MINIMUM};
 use super::result::{Reason, ReasonCode, State};
 use crate::geometry::motion::{rotation_gap_rad, translation_gap_m};
 
@@ -78,18 +81,17 @@ fn object(state: State, code: ReasonCode, sentence: String) -> Objection {
 }
 
 /// Number of matches per rig pose from which they were seen.
-fn matches_by_view(scene: &Scene<'_>, matches: &[Match]) -> BTreeMap<u64, usize> {
+fn matches_by_view(scene: &Scene<'_>, best: &Hypothesis) -> BTreeMap<u64, usize> {
     let mut counts = BTreeMap::new();
-    for found in matches {
-        let set = &scene.pair.evidence.sets[scene.candidates[found.candidate].set as usize];
-        *counts.entry(set.repeats).or_insert(0) += 1;
+    for set in best.sets(scene) {
+        *counts.entry(scene.pair.evidence.sets[set as usize].repeats).or_insert(0) += 1;
     }
     counts
 }
 
 fn evidence(bench: &Bench<'_>) -> Objection {
-    let by_view = matches_by_view(&bench.scene, &bench.ranking.best.matches);
-    let (n, views) = (bench.ranking.best.matches.len(), by_view.len());
+    let by_view = matches_by_view(&bench.scene, &bench.ranking.best);
+    let (n, views) = (by_view.values().sum::<usize>(), by_view.len());
     let elsewhere = n - by_view.values().max().copied().unwrap_or(0);
     let VerdictLimits { min_matches, min_views, min_matches_elsewhere, .. } = bench.limits;
     if n >= min_matches && views >= min_views && elsewhere >= min_matches_elsewhere {
@@ -148,7 +150,7 @@ fn observability(bench: &Bench<'_>) -> Objection {
     let VerdictLimits { max_sigma_translation_m, max_sigma_rotation_rad, .. } = bench.limits;
     let (translation_ok, rotation_ok) =
         (sigma_m <= max_sigma_translation_m, sigma_rad <= max_sigma_rotation_rad);
-    let n = bench.ranking.best.matches.len();
+    let n = best.n_matches();
     let (what, sigma, limit) = match (translation_ok, rotation_ok) {
         (true, true) => return None,
         (false, _) => (
@@ -177,8 +179,8 @@ fn observability(bench: &Bench<'_>) -> Objection {
 
 fn halves(bench: &Bench<'_>) -> Objection {
     let best = &bench.ranking.best;
-    let [first, second] = split(&bench.scene, &best.matches).map(|half| {
-        refine(&bench.scene, &half, &best.refined.target_from_source, (best.noise_scale, TO_THE_MINIMUM))
+    let [first, second] = split(&bench.scene, best).map(|half| {
+        half.fit(&bench.scene, &best.refined.target_from_source, (best.noise_scale, TO_THE_MINIMUM))
     });
     let gap = gap(&first, &second);
     let spread =
@@ -202,17 +204,18 @@ fn halves(bench: &Bench<'_>) -> Objection {
 }
 
 /// Matches of every other contributing frame set; with a single set, every other match.
-fn split(scene: &Scene<'_>, matches: &[Match]) -> [Vec<usize>; 2] {
-    let sets: Vec<u32> = {
-        let sorted: BTreeSet<u32> =
-            matches.iter().map(|found| scene.candidates[found.candidate].set).collect();
-        sorted.into_iter().collect()
+fn split(scene: &Scene<'_>, best: &Hypothesis) -> [Matched; 2] {
+    let sets: Vec<u32> = best.sets(scene).collect::<BTreeSet<_>>().into_iter().collect();
+    let half = |set: u32, rank: usize| match sets.len() {
+        0 | 1 => rank % 2,
+        _ => sets.binary_search(&set).unwrap_or(0) % 2,
     };
-    let mut halves = [Vec::new(), Vec::new()];
-    for (rank, found) in matches.iter().enumerate() {
-        let set = scene.candidates[found.candidate].set;
-        let turn = if sets.len() > 1 { sets.binary_search(&set).unwrap_or(0) } else { rank };
-        halves[turn % 2].push(found.candidate);
+    let mut halves = [Matched::default(), Matched::default()];
+    for (rank, found) in best.matches.iter().enumerate() {
+        halves[half(scene.candidates[found.candidate].set, rank)].full.push(found.candidate);
+    }
+    for (rank, found) in best.pnl.iter().enumerate() {
+        halves[half(found.pair.set, rank)].pnl.push(found.pair);
     }
     halves
 }
@@ -223,32 +226,6 @@ fn gap(first: &Refined, second: &Refined) -> Vector6<f64> {
     let translation = b.translation.vector - a.translation.vector;
     let rotation = (b.rotation * a.rotation.inverse()).scaled_axis();
     Vector6::new(translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z)
-}
-
-/// Covariance of the pose; `None` when the matches do not fix it.
-///
-/// The information counts the lines' noise scaled up by `noise_scale`. What a sensor is worse than its model (bent depth, wrong
-/// intrinsics) is alike in all lines and does not average out as noise does, so the factor is applied to the pose once more.
-pub fn covariance(refined: &Refined, noise_scale: f64) -> Option<Matrix6<f64>> {
-    let covariance = refined.information.cholesky()?.inverse() * (noise_scale * noise_scale);
-    covariance.iter().all(|value| value.is_finite()).then_some(covariance)
-}
-
-/// Standard deviation along the worst direction, and that direction.
-fn worst_axis(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
-    let eigen = SymmetricEigen::new(*covariance);
-    let worst = eigen.eigenvalues.imax();
-    (eigen.eigenvalues[worst].max(0.0).sqrt(), eigen.eigenvectors.column(worst).into_owned())
-}
-
-/// An axis of an optical frame for people.
-fn in_words(axis: &Vector3<f64>) -> String {
-    let name = ["x (right)", "y (down)", "z (forward)"][axis.iamax()];
-    if axis.amax() > 0.9 {
-        name.to_owned()
-    } else {
-        format!("direction [{:.2}, {:.2}, {:.2}], mostly {name}", axis.x, axis.y, axis.z)
-    }
 }
 
 /// Root mean square distance of the target's segment ends from the predicted lines (z = 1), and of the lines there, m.
