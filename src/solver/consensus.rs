@@ -44,7 +44,7 @@ pub struct Hypothesis {
     pub pnl: Vec<PnlMatch>,
     /// Sum of the gains less what missing lines take, nats.
     pub score: f64,
-    /// Lines that should be seen and are not.
+    /// Lines that should be seen and are not, once the pose is ranked.
     pub missing: MissingLines,
     /// Factor on the lines' standard deviations that makes these matches agree as they should, at least 1.
     pub noise_scale: f64,
@@ -74,6 +74,8 @@ pub struct Ranking {
     pub neighbour: Option<Hypothesis>,
     /// The best pose that shares hardly any match with the best.
     pub runner_up: Option<Hypothesis>,
+    /// The best of the poses that cannot be: what its lines agree on, they agree on by coincidence.
+    pub impossible: Option<Hypothesis>,
 }
 
 /// What ranking the poses of a pair comes to.
@@ -133,34 +135,32 @@ pub struct RankLimits<'a> {
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
     let settled = settled_poses(Scene { pair, candidates: &candidates }, limits);
-    let n_settled = settled.len();
-    let mut others: Vec<Hypothesis> =
-        settled.into_iter().filter_map(|settled| possible(settled, &pair, limits)).collect();
-    if others.is_empty() {
-        let none = if n_settled == 0 { NoPose::NothingAgrees } else { NoPose::Impossible(n_settled) };
-        return Ranked::None(none);
+    let is_possible = |settled: &Hypothesis| is_possible(&settled.refined.target_from_source, &pair, limits);
+    let (mut others, impossible): (Vec<Hypothesis>, Vec<Hypothesis>) =
+        settled.into_iter().partition(is_possible);
+    for possible in &mut others {
+        possible.missing = missing_lines(&pair, limits.cameras, &possible.refined.target_from_source);
+        possible.score -= possible.missing.penalty();
     }
     others.sort_by(|a, b| b.score.total_cmp(&a.score));
+    if others.is_empty() {
+        let n = impossible.len();
+        return Ranked::None(if n == 0 { NoPose::NothingAgrees } else { NoPose::Impossible(n) });
+    }
     let best = others.remove(0);
     let pose = best.refined.target_from_source;
-    let best_beyond = |gap: &PoseGap| {
-        others.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
+    let beyond = |gap: &PoseGap, poses: &[Hypothesis]| {
+        poses.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
     };
-    let (neighbour, runner_up) = (best_beyond(&SAME_ANSWER), best_beyond(&SAME_BASIN));
-    Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up }))
+    let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &others), beyond(&SAME_BASIN, &others));
+    let impossible = beyond(&SAME_BASIN, &impossible);
+    Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up, impossible }))
 }
 
-/// The pose with its missing lines counted; `None` when it contradicts free space or the largest baseline.
-fn possible(mut settled: Hypothesis, pair: &PairEvidence<'_>, limits: &RankLimits<'_>) -> Option<Hypothesis> {
-    let pose = &settled.refined.target_from_source;
-    if pose.translation.vector.norm() > limits.max_baseline_m
-        || free_space(pair, limits.cameras, pose).is_violated(limits.max_free_space_violated)
-    {
-        return None;
-    }
-    settled.missing = missing_lines(pair, limits.cameras, pose);
-    settled.score -= settled.missing.penalty();
-    Some(settled)
+/// Whether a pose contradicts neither free space nor the largest baseline.
+fn is_possible(target_from_source: &Motion, pair: &PairEvidence<'_>, limits: &RankLimits<'_>) -> bool {
+    target_from_source.translation.vector.norm() <= limits.max_baseline_m
+        && !free_space(pair, limits.cameras, target_from_source).is_violated(limits.max_free_space_violated)
 }
 
 /// Every pose that settled on its matches, best score first.
@@ -276,7 +276,7 @@ impl<'a> Approach<'a> {
             refined = matched.fit(&self.scene, target_from_source, limits);
         }
         let is_settled = matches!(refined.stop, Stop::SmallStep | Stop::NoDescent);
-        let score = self.score + pnl.iter().map(|found| found.gain).sum::<f64>();
+        let score = self.score;
         let missing = MissingLines::default();
         is_settled.then_some(Hypothesis { refined, matches, pnl, score, missing, noise_scale })
     }

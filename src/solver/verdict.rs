@@ -29,6 +29,10 @@ pub struct VerdictLimits {
     pub min_lead: f64,
     /// ... and that of poses nearby, which share many matches, by this.
     pub min_lead_nearby: f64,
+    /// ... and that of poses that cannot be, by this: what coincidence reaches there it could reach here.
+    pub min_lead_impossible: f64,
+    /// Largest share of the lines in plain sight of the other camera that may be missing there.
+    pub max_missing_lines: f64,
     /// Largest standard deviation of the translation in its worst direction, m.
     pub max_sigma_translation_m: f64,
     /// Largest standard deviation of the rotation about its worst axis, rad.
@@ -45,6 +49,8 @@ impl Default for VerdictLimits {
             min_matches_elsewhere: 6,
             min_lead: 1.4,
             min_lead_nearby: 1.25,
+            min_lead_impossible: 1.2,
+            max_missing_lines: 0.3,
             max_sigma_translation_m: 0.003,
             max_sigma_rotation_rad: 0.0022,
             max_free_space_violated: 0.15,
@@ -67,7 +73,7 @@ pub struct Bench<'a> {
 
 /// Judges the best pose of a ranking: `Converged` without a reason, or another state with one.
 pub fn judge(bench: &Bench<'_>) -> (State, Option<Reason>) {
-    let checks = [evidence, lead, residual, observability, halves];
+    let checks = [evidence, missing, lead, residual, observability, halves];
     match checks.iter().find_map(|check| check(bench)) {
         Some((state, reason)) => (state, Some(reason)),
         None => (State::Converged, None),
@@ -80,11 +86,13 @@ fn object(state: State, code: ReasonCode, sentence: String) -> Objection {
     Some((state, Reason { code, sentence }))
 }
 
-/// Number of matches per rig pose from which they were seen.
+/// Number of matches per rig pose from which they were seen. Those lifted on one side only do not count: they were looked for under
+/// the pose, and many agree with any.
 fn matches_by_view(scene: &Scene<'_>, best: &Hypothesis) -> BTreeMap<u64, usize> {
     let mut counts = BTreeMap::new();
-    for set in best.sets(scene) {
-        *counts.entry(scene.pair.evidence.sets[set as usize].repeats).or_insert(0) += 1;
+    for found in &best.matches {
+        let set = &scene.pair.evidence.sets[scene.candidates[found.candidate].set as usize];
+        *counts.entry(set.repeats).or_insert(0) += 1;
     }
     counts
 }
@@ -105,9 +113,29 @@ fn evidence(bench: &Bench<'_>) -> Objection {
     object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence)
 }
 
+fn missing(bench: &Bench<'_>) -> Objection {
+    let missing = bench.ranking.best.missing;
+    if !missing.is_too_much(bench.limits.max_missing_lines) {
+        return None;
+    }
+    let sentence = format!(
+        "with the best pose {} of {} lines in plain sight of the other camera are missing there ({:.0} %; allowed are {:.0} %): \
+         show more edges in other directions and places, and check that both cameras are in focus and well exposed",
+        missing.missing,
+        missing.expected,
+        100.0 * missing.share(),
+        100.0 * bench.limits.max_missing_lines
+    );
+    object(State::Collecting, ReasonCode::MissingLines, sentence)
+}
+
 fn lead(bench: &Bench<'_>) -> Objection {
-    let Ranking { best, neighbour, runner_up, .. } = bench.ranking;
-    let limits = [(runner_up, bench.limits.min_lead), (neighbour, bench.limits.min_lead_nearby)];
+    let Ranking { best, neighbour, runner_up, impossible, .. } = bench.ranking;
+    let limits = [
+        (runner_up, bench.limits.min_lead),
+        (neighbour, bench.limits.min_lead_nearby),
+        (impossible, bench.limits.min_lead_impossible),
+    ];
     let (rival, min_lead) = limits.into_iter().find_map(|(rival, min_lead)| {
         let rival = rival.as_ref()?;
         (best.score < min_lead * rival.score).then_some((rival, min_lead))
