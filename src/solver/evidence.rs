@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Unit, Vector3};
 
 use super::place::Place;
 use super::retention::{Coverage, keep_best_lines, superfluous};
-use crate::geometry::{CameraView, LineObservation, SurfaceSample};
+use crate::geometry::{CameraView, LineObservation, RayPoint, SurfaceSample};
 
 /// A frame set repeats an old one when more than this share of its lines is where it was.
 const REPEATED_SHARE: f64 = 0.5;
@@ -18,6 +18,11 @@ const MAX_SETS_PER_POSE: usize = 8;
 const LINES_TO_CHOOSE_FROM: usize = 3;
 /// Of a repeated set fewer new lines than this, in each of two cameras, are flicker and not a changed scene.
 const MIN_NEW_LINES: usize = 3;
+
+/// Segments without depth kept per view, the longest: short ones match anything.
+const MAX_UNLIFTED_PER_VIEW: usize = 80;
+/// Segments whose place is kept per view, the longest: to know what a camera did not see.
+const MAX_OUTLINES_PER_VIEW: usize = 300;
 
 /// A lifted line prepared for voting.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,6 +105,10 @@ impl EvidenceLine {
 pub struct EvidenceView {
     /// Lifted lines, longest first.
     pub lines: Vec<EvidenceLine>,
+    /// Segments without depth, longest first; none in a set that repeats a rig pose.
+    pub unlifted: Vec<LineObservation>,
+    /// The ends of all segments, lifted or not and whether kept as a line or not, longest first: what is not here was not seen.
+    pub outlines: Vec<[RayPoint; 2]>,
     /// Coarse surfaces.
     pub surface: Vec<SurfaceSample>,
 }
@@ -182,6 +191,8 @@ impl Evidence {
                 return false;
             }
             same_pose.iter().for_each(|known| drop_known(&mut views, known));
+            // Whether one without depth was there before is hard to say.
+            views.iter_mut().flatten().for_each(|view| view.unlifted.clear());
         }
         if views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() < 2 {
             return false;
@@ -228,7 +239,14 @@ impl Evidence {
     fn prepare(&self, view: &CameraView) -> EvidenceView {
         let max_lines = LINES_TO_CHOOSE_FROM * self.limits.max_lines_per_view;
         let lines = view.lines.iter().filter_map(EvidenceLine::try_new).take(max_lines);
-        EvidenceView { lines: lines.collect(), surface: view.surface.clone() }
+        let unlifted = view.lines.iter().filter(|line| line.depth.is_none()).take(MAX_UNLIFTED_PER_VIEW);
+        let outlines = view.lines.iter().map(|line| line.ends).take(MAX_OUTLINES_PER_VIEW);
+        EvidenceView {
+            lines: lines.collect(),
+            unlifted: unlifted.copied().collect(),
+            outlines: outlines.collect(),
+            surface: view.surface.clone(),
+        }
     }
 }
 

@@ -6,10 +6,11 @@ use super::closure::{Miss, PairPose, Suspect, UncertainMotion, find_miss};
 use super::consensus::Ranking;
 use super::evidence::Evidence;
 use super::joint::{Edge, JointPoses, solve_joint};
+use super::noise::{covariance, information_factor};
+use super::pnl::Matched;
 use super::refine::NormalEquations;
 use super::result::{PairEstimate, Reason, ReasonCode, State};
 use super::shared_lines::{PairMatches, weights};
-use super::verdict::covariance;
 use crate::geometry::motion::Motion;
 
 /// A pair after ranking and verdict.
@@ -115,19 +116,22 @@ pub fn join(evidence: &Evidence, n_cameras: usize, pairs: &[JudgedPair]) -> Join
         .iter()
         .zip(matches.iter().zip(&weights))
         .map(|(&(estimate, ranking), (matches, weights))| {
-            edge(evidence, (estimate, ranking), by_weight(matches, weights))
+            let mut groups = by_weight(matches, weights);
+            // Hardly ever do three cameras share a line that only one of them lifts.
+            groups.push((1.0, Matched::new(&[], &ranking.best.pnl)));
+            edge(evidence, (estimate, ranking), groups)
         })
         .collect();
     solve_joint(n_cameras, 0, &edges)
 }
 
 /// Matches of equal weight together, heaviest first.
-fn by_weight(matches: &[usize], weights: &[f64]) -> Vec<(f64, Vec<usize>)> {
-    let mut groups: Vec<(f64, Vec<usize>)> = Vec::new();
+fn by_weight(matches: &[usize], weights: &[f64]) -> Vec<(f64, Matched)> {
+    let mut groups: Vec<(f64, Matched)> = Vec::new();
     for (&found, &weight) in matches.iter().zip(weights) {
         match groups.iter_mut().find(|(other, _)| *other == weight) {
-            Some((_, group)) => group.push(found),
-            None => groups.push((weight, vec![found])),
+            Some((_, group)) => group.full.push(found),
+            None => groups.push((weight, Matched { full: vec![found], pnl: Vec::new() })),
         }
     }
     groups.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -137,7 +141,7 @@ fn by_weight(matches: &[usize], weights: &[f64]) -> Vec<(f64, Vec<usize>)> {
 fn edge<'a>(
     evidence: &'a Evidence,
     (estimate, ranking): (&PairEstimate, &'a Ranking),
-    groups: Vec<(f64, Vec<usize>)>,
+    groups: Vec<(f64, Matched)>,
 ) -> Edge<'a> {
     let PairEstimate { target, source, .. } = *estimate;
     let pair = PairEvidence { evidence, target, source };
@@ -149,9 +153,8 @@ fn edge<'a>(
         target_from_source: ranking.best.refined.target_from_source,
         score: ranking.best.score,
         equations: Box::new(move |pose: &Motion| {
-            let parts = groups.iter().map(|(weight, matches)| {
-                // As in the verdict on the pair: excess noise does not average out.
-                NormalEquations::at(&scene, matches, pose, noise_scale).scaled(weight * noise_scale.powi(-2))
+            let parts = groups.iter().map(|(weight, matched)| {
+                matched.equations(&scene, pose, noise_scale).scaled(weight * information_factor(noise_scale))
             });
             parts.reduce(NormalEquations::plus).unwrap_or_default()
         }),

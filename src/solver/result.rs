@@ -53,11 +53,13 @@ pub enum ReasonCode {
     OneCamera,
     /// No camera delivered a line.
     NoLines,
+    /// With this pose, lines that one camera sees should be seen by the other and are not.
+    MissingLines,
 }
 
 impl ReasonCode {
     /// Every code, in the order of the wire format.
-    pub const ALL: [ReasonCode; 9] = [
+    pub const ALL: [ReasonCode; 10] = [
         ReasonCode::NotEnoughEvidence,
         ReasonCode::RunnerUpTooClose,
         ReasonCode::AxisUnobservable,
@@ -67,6 +69,7 @@ impl ReasonCode {
         ReasonCode::LoopInconsistent,
         ReasonCode::OneCamera,
         ReasonCode::NoLines,
+        ReasonCode::MissingLines,
     ];
 
     /// The name in files and on the wire.
@@ -81,6 +84,7 @@ impl ReasonCode {
             ReasonCode::LoopInconsistent => "loop_inconsistent",
             ReasonCode::OneCamera => "one_camera",
             ReasonCode::NoLines => "no_lines",
+            ReasonCode::MissingLines => "missing_lines",
         }
     }
 }
@@ -121,7 +125,7 @@ pub struct PairEstimate {
     pub matches: usize,
     /// Of these, lifted on both sides.
     pub full: usize,
-    /// Of these, lifted on one side only; the consensus estimator uses none.
+    /// Of these, lifted on one side only.
     pub pnl: usize,
     /// How many times the score of the best really different pose the best one has; `None` without any other, or with no pose.
     pub lead: Option<f64>,

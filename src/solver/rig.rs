@@ -145,8 +145,9 @@ impl RigEstimator {
         (estimate.state, estimate.reason) = judge(&bench);
         let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);
-        estimate.matches = ranking.best.matches.len();
-        estimate.full = estimate.matches;
+        estimate.full = ranking.best.matches.len();
+        estimate.pnl = ranking.best.pnl.len();
+        estimate.matches = ranking.best.n_matches();
         estimate.lead = ranking.runner_up.as_ref().map(|other| ranking.best.score / other.score);
         estimate.residual_px = offset * self.cameras[target].mean_focal_px();
         estimate.residual_m = distance_m;

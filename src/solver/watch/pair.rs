@@ -13,8 +13,9 @@ use crate::solver::consensus::{
 };
 use crate::solver::evidence::{Evidence, EvidenceSet};
 use crate::solver::joint::d_pair_step_d_steps;
+use crate::solver::noise::covariance;
 use crate::solver::rig::EstimateOptions;
-use crate::solver::verdict::{self, VerdictLimits, covariance, judge};
+use crate::solver::verdict::{self, VerdictLimits, judge};
 use crate::solver::{CameraPose, State};
 
 /// Least squared Mahalanobis distance of a move (six degrees of freedom: by chance once in a million looks).
@@ -291,7 +292,7 @@ impl PairWatch {
 
 /// A ranking of one pose, for the verdict.
 fn alone(best: Hypothesis) -> Ranking {
-    Ranking { candidates: Vec::new(), best, neighbour: None, runner_up: None }
+    Ranking { candidates: Vec::new(), best, neighbour: None, runner_up: None, impossible: None }
 }
 
 /// Whether a pose explains the lines clearly better than another one with the given score.
