@@ -127,9 +127,9 @@ impl Interval {
         let middle = 0.5 * (self.low + self.high);
         let mut work = self.bernstein;
         let (mut left, mut right) = ([0.0; N_COEFFICIENTS], [0.0; N_COEFFICIENTS]);
-        for order in 0..N_COEFFICIENTS {
+        for (order, first) in left.iter_mut().enumerate() {
             let last = N_COEFFICIENTS - 1 - order;
-            left[order] = work[0];
+            *first = work[0];
             right[last] = work[last];
             // Beyond `last` it is of no use, but a fixed number of steps is faster.
             for i in 0..N_COEFFICIENTS - 1 {
