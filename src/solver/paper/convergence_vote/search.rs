@@ -177,7 +177,7 @@ impl Search<'_> {
             self.points.swap(i, end_of_low);
             end_of_low += usize::from(is_low);
         }
-        (end_of_low > start && end_of_low < end).then(|| [start..end_of_low, end_of_low..end])
+        (end_of_low > start && end_of_low < end).then_some([start..end_of_low, end_of_low..end])
     }
 
     /// The best point of a box.
