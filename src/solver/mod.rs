@@ -9,6 +9,7 @@ pub mod free_space;
 pub mod joint;
 pub mod line_pair;
 pub mod matched;
+pub mod paper;
 pub mod refine;
 pub mod residual;
 pub mod result;
