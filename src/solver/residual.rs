@@ -207,4 +207,4 @@ impl Predicted {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -3,4 +3,4 @@
 mod degenerate;
 mod honesty;
 mod poses;
-mod room;
+pub mod room;
