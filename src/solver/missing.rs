@@ -151,3 +151,6 @@ impl Sight<'_> {
         is_on_surface.then_some(RayPoint { x: point.x / point.z, y: point.y / point.z })
     }
 }
+
+#[cfg(test)]
+mod tests;

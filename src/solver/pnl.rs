@@ -143,11 +143,9 @@ impl Scene<'_> {
         let mut found = Vec::new();
         for set in 0..self.pair.evidence.sets.len() as u32 {
             for unlifted in [Unlifted::Target, Unlifted::Source] {
-                self.pnl_matches_of_set(
-                    (set, unlifted),
-                    settled,
-                    |lifted| !used.contains(&(set, unlifted, lifted)),
-                    &mut found,
+                let of_set = self.pnl_matches_of_set((set, unlifted), settled);
+                found.extend(
+                    of_set.into_iter().filter(|found| !used.contains(&(set, unlifted, found.pair.lifted))),
                 );
             }
         }
@@ -164,25 +162,19 @@ impl Scene<'_> {
         found
     }
 
-    fn pnl_matches_of_set(
-        &self,
-        (set, unlifted): (u32, Unlifted),
-        settled: &Settled<'_>,
-        is_free: impl Fn(u16) -> bool,
-        found: &mut Vec<PnlMatch>,
-    ) {
-        let Some((target, source)) = self.pair.views(set as usize) else { return };
+    /// Every pair of a lifted line and a segment that the pose explains.
+    fn pnl_matches_of_set(&self, (set, unlifted): (u32, Unlifted), settled: &Settled<'_>) -> Vec<PnlMatch> {
+        let Some((target, source)) = self.pair.views(set as usize) else { return Vec::new() };
         let (lines, segments, to_from_from) = match unlifted {
             Unlifted::Target => (&source.lines, &target.unlifted, *settled.target_from_source),
             Unlifted::Source => (&target.lines, &source.unlifted, settled.target_from_source.inverse()),
         };
         let log_n_segments = (segments.len().max(1) as f64).ln();
-        for (lifted, line) in lines.iter().enumerate().filter(|(lifted, _)| is_free(*lifted as u16)) {
-            for segment in near(line, segments, &to_from_from) {
-                let pair = PnlPair { set, lifted: lifted as u16, segment, unlifted };
-                found.extend(self.explained_pnl(pair, settled, log_n_segments));
-            }
-        }
+        let pairs = lines.iter().enumerate().flat_map(|(lifted, line)| {
+            let near = near(line, segments, &to_from_from);
+            near.map(move |segment| PnlPair { set, lifted: lifted as u16, segment, unlifted })
+        });
+        pairs.filter_map(|pair| self.explained_pnl(pair, settled, log_n_segments)).collect()
     }
 
     fn explained_pnl(&self, pair: PnlPair, settled: &Settled<'_>, log_n_segments: f64) -> Option<PnlMatch> {

@@ -214,4 +214,4 @@ impl Predicted {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

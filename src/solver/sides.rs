@@ -32,3 +32,34 @@ pub fn owners_contradict(target: &EvidenceLine, source: &EvidenceLine, is_same_w
 fn owner(line: &LineObservation) -> Option<EdgeSide> {
     line.depth.map(|depth| depth.side).filter(|side| *side != EdgeSide::Both)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::residual::tests::line_between;
+
+    fn owned_by(side: EdgeSide) -> EvidenceLine {
+        let mut line = line_between([-0.3, 0.1, 1.5], [0.3, 0.2, 1.8]);
+        line.observation.depth.as_mut().expect("lifted").side = side;
+        line
+    }
+
+    #[test]
+    fn a_surface_ends_on_the_same_hand_for_both_cameras() {
+        let (left, right) = (owned_by(EdgeSide::Left), owned_by(EdgeSide::Right));
+        assert!(!owners_contradict(&left, &left, true) && owners_contradict(&left, &right, true));
+        assert!(owners_contradict(&right, &right, false) && !owners_contradict(&left, &right, false));
+    }
+
+    #[test]
+    fn a_crease_contradicts_nothing() {
+        let (left, both) = (owned_by(EdgeSide::Left), owned_by(EdgeSide::Both));
+        assert!([true, false].iter().all(|way| !owners_contradict(&left, &both, *way)));
+        assert!([true, false].iter().all(|way| !owners_contradict(&both, &both, *way)));
+    }
+
+    #[test]
+    fn a_brighter_side_that_changes_costs_more_than_it_gains_otherwise() {
+        assert!(brightness_gain(true) > 0.0 && brightness_gain(false) < -brightness_gain(true));
+    }
+}
