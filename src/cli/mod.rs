@@ -10,6 +10,7 @@ pub mod exit;
 mod interrupt;
 mod online;
 mod output;
+mod paper;
 mod progress;
 mod record;
 pub mod talk;
