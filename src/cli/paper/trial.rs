@@ -43,8 +43,8 @@ pub struct Trial {
     pub reason: Option<String>,
     /// The source camera in the target camera's frame, converged or not; `None` where no lines agree.
     pub target_from_source: Option<Motion>,
-    /// Standard deviations that the estimator claims, worst axis: deg and mm.
-    pub sigma: Option<(f64, f64)>,
+    /// Standard deviations that the estimator claims, in the worst direction.
+    pub sigma: Option<Error>,
     /// Distance from the truth.
     pub error: Option<Error>,
     /// Frame sets after which a solution was converged for the first time.
@@ -55,7 +55,7 @@ pub struct Trial {
     pub matches: usize,
 }
 
-/// How far a pose is from the truth.
+/// How far a pose is from the truth, or may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Error {
     /// Angle of the relative rotation, deg.
@@ -193,10 +193,10 @@ fn source_pose(calibration: &RigCalibration) -> Option<&CameraPose> {
     calibration.cameras.get(1)?.as_ref()
 }
 
-fn sigma(pose: &CameraPose) -> (f64, f64) {
+fn sigma(pose: &CameraPose) -> Error {
     let worst = |first: usize| {
         let block = pose.covariance.fixed_view::<3, 3>(first, first).into_owned();
         block.symmetric_eigenvalues().max().max(0.0).sqrt()
     };
-    (worst(3).to_degrees(), worst(0) * 1e3)
+    Error { rotation_deg: worst(3).to_degrees(), translation_mm: worst(0) * 1e3 }
 }
