@@ -42,8 +42,7 @@ impl Checkerboard {
         let [columns, rows] = self.squares;
         let at = |i: u32, count: u32| (0.5 * f64::from(count) - f64::from(i)) * self.square_m;
         let row = |row: u32| {
-            (1..columns)
-                .map(move |column| Point3::new(at(column, columns), 0.5 * THICKNESS_M, at(row, rows)))
+            (1..columns).map(move |column| Point3::new(at(column, columns), 0.5 * THICKNESS_M, at(row, rows)))
         };
         (1..rows).flat_map(row).collect()
     }

@@ -57,9 +57,7 @@ pub struct SyntheticFactory {
 impl SyntheticFactory {
     /// Builds the room and plans the path of the rig.
     pub fn new(options: SyntheticOptions) -> Self {
-        let poses: Vec<Motion> = options.cameras.iter().map(|camera| camera.reference_from_camera).collect();
-        let radius_m = trajectory::rig_radius_m(&poses).max(options.least_rig_radius_m);
-        let mut scene = room::furnished_room(options.seed, radius_m);
+        let mut scene = room_of(&options);
         let rig: Vec<RigCamera> = options.cameras.iter().map(SyntheticCamera::rig_camera).collect();
         let trajectory = match &options.board {
             None => Trajectory::plan(&scene, &rig, options.seed),
@@ -80,7 +78,9 @@ impl SyntheticFactory {
     /// to right. Empty without a board, or where the image does not show all of it.
     pub fn board_corners_in_camera_m(&self, camera: usize, frame_set: u64) -> Vec<Point3<f64>> {
         let World { options, scene, .. } = &*self.world;
-        let (Some(board), Some(made)) = (options.board, options.cameras.get(camera)) else { return Vec::new() };
+        let (Some(board), Some(made)) = (options.board, options.cameras.get(camera)) else {
+            return Vec::new();
+        };
         let world_from_camera = self.world.world_from_camera(camera, frame_set);
         let camera_from_board = world_from_camera.inv_mul(&board::world_from_board(&scene.free));
         let corners: Vec<Point3<f64>> =
@@ -90,6 +90,13 @@ impl SyntheticFactory {
         };
         if corners.iter().all(is_seen) { corners } else { Vec::new() }
     }
+}
+
+/// The room in which the rig has space to move.
+fn room_of(options: &SyntheticOptions) -> Scene {
+    let poses: Vec<Motion> = options.cameras.iter().map(|camera| camera.reference_from_camera).collect();
+    let radius_m = trajectory::rig_radius_m(&poses).max(options.least_rig_radius_m);
+    room::furnished_room(options.seed, radius_m)
 }
 
 impl DeviceFactory for SyntheticFactory {

@@ -30,7 +30,12 @@ pub(super) struct RigCamera {
 
 impl RigCamera {
     /// Whether the image shows every point with a margin.
-    pub(super) fn sees_all(&self, world_from_reference: &Motion, points_m: &[Point3<f64>], margin_px: f64) -> bool {
+    pub(super) fn sees_all(
+        &self,
+        world_from_reference: &Motion,
+        points_m: &[Point3<f64>],
+        margin_px: f64,
+    ) -> bool {
         let camera_from_world = (world_from_reference * self.reference_from_camera).inverse();
         points_m.iter().all(|point| {
             let pixel = self.camera.project(&(camera_from_world * point));

@@ -127,11 +127,7 @@ fn fitted_plane(frame: &RgbdFrame, camera: &Camera, corners: &[PixelPoint]) -> O
 }
 
 /// Rays with their inverse depth (1/m) inside the quadrilateral of the board's outer corners.
-fn readings_within(
-    frame: &RgbdFrame,
-    camera: &Camera,
-    corners: &[PixelPoint],
-) -> Vec<(Vector3<f64>, f64)> {
+fn readings_within(frame: &RgbdFrame, camera: &Camera, corners: &[PixelPoint]) -> Vec<(Vector3<f64>, f64)> {
     let Some(depth) = frame.depth_view() else { return Vec::new() };
     let outline = convex_outline(corners);
     let mut readings = Vec::new();

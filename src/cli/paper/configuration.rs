@@ -17,9 +17,8 @@ pub struct Configuration {
 impl Configuration {
     /// Every angle at every distance, by angle and then distance.
     pub fn grid(angles_deg: &[u32], distances_cm: &[u32]) -> Vec<Self> {
-        let row = |&angle_deg: &u32| {
-            distances_cm.iter().map(move |&distance_cm| Self { angle_deg, distance_cm })
-        };
+        let row =
+            |&angle_deg: &u32| distances_cm.iter().map(move |&distance_cm| Self { angle_deg, distance_cm });
         angles_deg.iter().flat_map(row).collect()
     }
 

@@ -187,7 +187,10 @@ impl PaperDocument {
             configurations: configurations.into_iter().map(|one| configuration(grid, one)).collect(),
             rotation_changes: rotation.into_iter().map(rotation_change).collect(),
             distance_changes: distance.into_iter().map(distance_change).collect(),
-            stereo: stereo::BASELINES_CM.iter().filter_map(|&baseline| stereo_entry(baseline, stereo)).collect(),
+            stereo: stereo::BASELINES_CM
+                .iter()
+                .filter_map(|&baseline| stereo_entry(baseline, stereo))
+                .collect(),
         }
     }
 }
@@ -255,10 +258,13 @@ fn stereo_entry(baseline_cm: u32, trials: &[StereoTrial]) -> Option<StereoEntry>
     let of_baseline: Vec<&StereoTrial> =
         trials.iter().filter(|trial| trial.baseline_cm == baseline_cm).collect();
     let metrics = |which: fn(&StereoTrial) -> Metrics| {
-        let spread = |of: fn(&Metrics) -> f64| {
-            Spread::of(of_baseline.iter().map(|trial| of(&which(trial))).collect())
-        };
-        MetricsEntry { l_mm: spread(|m| m.l_mm), d_mm: spread(|m| m.d_mm), theta_deg: spread(|m| m.theta_deg) }
+        let spread =
+            |of: fn(&Metrics) -> f64| Spread::of(of_baseline.iter().map(|trial| of(&which(trial))).collect());
+        MetricsEntry {
+            l_mm: spread(|m| m.l_mm),
+            d_mm: spread(|m| m.d_mm),
+            theta_deg: spread(|m| m.theta_deg),
+        }
     };
     let paper = published::STEREO.iter().filter(|known| known.baseline_cm == baseline_cm).map(|known| {
         let [l, d, theta] = known.l_d_theta;

@@ -19,9 +19,18 @@ pub type Rgb = [u8; 3];
 
 #[derive(Debug, Clone, PartialEq)]
 enum Mark {
-    Rectangle { at: [u32; 2], size: [u32; 2], color: Rgb },
+    Rectangle {
+        at: [u32; 2],
+        size: [u32; 2],
+        color: Rgb,
+    },
     /// `at` is the middle of the left end, or the middle of all.
-    Text { at: [u32; 2], is_centered: bool, text: String, color: Rgb },
+    Text {
+        at: [u32; 2],
+        is_centered: bool,
+        text: String,
+        color: Rgb,
+    },
 }
 
 /// What is drawn, from the background up; places and sizes in px from the upper left corner.

@@ -119,16 +119,17 @@ mod tests {
     use crate::cli::paper::trial::Error;
 
     fn trial(angle_deg: u32, distance_cm: u32, (x_m, yaw_deg): (f64, f64)) -> Trial {
-        let rotation = nalgebra::UnitQuaternion::from_axis_angle(
-            &nalgebra::Vector3::y_axis(),
-            f64::to_radians(yaw_deg),
-        );
+        let rotation =
+            nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::y_axis(), f64::to_radians(yaw_deg));
         Trial {
             configuration: Configuration { angle_deg, distance_cm },
             seed: 1,
             state: State::Converged,
             reason: None,
-            target_from_source: Some(Motion::from_parts(nalgebra::Translation3::new(x_m, 0.0, 0.0), rotation)),
+            target_from_source: Some(Motion::from_parts(
+                nalgebra::Translation3::new(x_m, 0.0, 0.0),
+                rotation,
+            )),
             sigma: None,
             error: None,
             first_converged: Some(6),

@@ -41,7 +41,8 @@ impl Panel {
     /// Draws it with its upper left corner at a place; `largest` has the darkest colour.
     fn draw(&self, drawing: &mut Drawing, [left, top]: [u32; 2], largest: f64) {
         drawing.text([left, top + 10], &self.title, INK);
-        let center = |column: usize, y: u32| [left + LABEL_PX + column as u32 * CELL_PX[0] + CELL_PX[0] / 2, y];
+        let center =
+            |column: usize, y: u32| [left + LABEL_PX + column as u32 * CELL_PX[0] + CELL_PX[0] / 2, y];
         for (i, column) in self.columns.iter().enumerate() {
             drawing.centered_text(center(i, top + 34), column, INK);
         }
@@ -88,26 +89,22 @@ fn rotation_changes(document: &PaperDocument) -> [Panel; 2] {
     let all = &document.rotation_changes;
     let ours = all.iter().map(|change| (change.distance_cm, change.step_deg, worst(change.error_deg)));
     let paper = all.iter().map(|change| (change.distance_cm, change.step_deg, change.paper_deg));
-    [("this program, worst room", ours.collect()), ("paper", paper.collect::<Vec<_>>())].map(|(whose, cells)| {
-        stepped(format!("change of rotation, deg: {whose}"), "cm", (cells, 2))
-    })
+    [("this program, worst room", ours.collect()), ("paper", paper.collect::<Vec<_>>())]
+        .map(|(whose, cells)| stepped(format!("change of rotation, deg: {whose}"), "cm", (cells, 2)))
 }
 
 fn distance_changes(document: &PaperDocument) -> [Panel; 2] {
     let all = &document.distance_changes;
     let ours = all.iter().map(|change| (change.angle_deg, change.step_cm, worst(change.error_mm)));
     let paper = all.iter().map(|change| (change.angle_deg, change.step_cm, change.paper_mm));
-    [("this program, worst room", ours.collect()), ("paper", paper.collect::<Vec<_>>())].map(|(whose, cells)| {
-        stepped(format!("change of distance, mm: {whose}"), "deg", (cells, 1))
-    })
+    [("this program, worst room", ours.collect()), ("paper", paper.collect::<Vec<_>>())]
+        .map(|(whose, cells)| stepped(format!("change of distance, mm: {whose}"), "deg", (cells, 1)))
 }
 
-/// From cells by row: fixed setting, step, value.
-fn stepped(
-    title: String,
-    unit: &str,
-    (cells, digits): (Vec<(u32, [u32; 2], Option<f64>)>, usize),
-) -> Panel {
+/// A step of one setting while the other is fixed: fixed setting, step, error.
+type StepCell = (u32, [u32; 2], Option<f64>);
+
+fn stepped(title: String, unit: &str, (cells, digits): (Vec<StepCell>, usize)) -> Panel {
     let first = cells.first().map(|cell| cell.0);
     let columns = cells.iter().take_while(|cell| Some(cell.0) == first);
     let columns = columns.map(|(_, [from, to], _)| format!("{from}->{to}")).collect();

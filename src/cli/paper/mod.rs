@@ -36,8 +36,7 @@ pub fn run(args: &EvaluateArgs, options: &PipelineOptions) -> Result<Exit, CliEr
     let experiment = ordered(&args.experiment);
     let trials = run_grid(&experiment, options, &interrupt)?;
     let stereo = run_stereo(&trials, &interrupt)?;
-    let grid =
-        Grid { angles_deg: &experiment.angles, distances_cm: &experiment.distances, trials: &trials };
+    let grid = Grid { angles_deg: &experiment.angles, distances_cm: &experiment.distances, trials: &trials };
     let document = PaperDocument::new(&grid, (experiment.seeds, experiment.sets), &stereo);
     if let Some(folder) = &experiment.folder {
         page::write(folder, &document, &command(&experiment))?;

@@ -113,7 +113,11 @@ fn errors(document: &PaperDocument) -> Table {
     let cell = |entry: &ConfigurationEntry| {
         format!("{} deg, {} mm", spread(entry.rotation_error_deg, 3), spread(entry.translation_error_mm, 2))
     };
-    by_configuration(format!("Error against the truth: median / worst of {} rooms", document.seeds), document, cell)
+    by_configuration(
+        format!("Error against the truth: median / worst of {} rooms", document.seeds),
+        document,
+        cell,
+    )
 }
 
 fn convergence(document: &PaperDocument) -> Table {
@@ -181,7 +185,10 @@ fn beside_paper(ours: Option<Spread>, paper: Option<f64>, digits: usize) -> Stri
 }
 
 fn spread(value: Option<Spread>, digits: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |Spread { median, worst }| format!("{median:.digits$} / {worst:.digits$}"))
+    value.map_or_else(
+        || "-".to_owned(),
+        |Spread { median, worst }| format!("{median:.digits$} / {worst:.digits$}"),
+    )
 }
 
 fn number(value: Option<f64>, digits: usize) -> String {
