@@ -17,6 +17,7 @@ mod fixture;
 mod frame_source;
 mod ipc;
 mod packaging;
+mod paper;
 mod pipeline;
 mod replay;
 mod scripted;
