@@ -55,12 +55,14 @@ impl Tolerance {
         }
     }
 
-    /// Most that this changes per metre.
-    fn slope(&self, candidate: &TranslationCandidate) -> f64 {
-        match *self {
+    /// A candidate's distance from a point, the distance at which it still votes for it, both m, and most that the latter changes
+    /// per metre.
+    fn around(&self, candidate: &TranslationCandidate, point_m: &Vector3<f64>) -> (f64, f64, f64) {
+        let slope = match *self {
             Self::Fixed { .. } => 0.0,
             Self::Sigmas { n, .. } => n * candidate.sigma_slope(),
-        }
+        };
+        (candidate.distance_m(point_m), self.at_m(candidate, point_m), slope)
     }
 
     /// Whether a candidate votes for a point.

@@ -141,20 +141,22 @@ impl Search<'_> {
             low_m,
             high_m,
             n_certain,
-            undecided: Vec::with_capacity(undecided.len()),
+            undecided: vec![0; undecided.len()],
         };
+        let rounding_m = ROUNDING * (1.0 + centre_m.norm() + radius_m);
+        let mut n_undecided = 0;
         for &index in undecided {
             let candidate = &self.candidates[index as usize];
-            let distance_m = candidate.distance_m(&centre_m);
-            let reach_m = self.tolerance.at_m(candidate, &centre_m);
-            let slack_m = radius_m * (1.0 + self.tolerance.slope(candidate))
-                + ROUNDING * (1.0 + centre_m.norm() + radius_m);
-            if distance_m + slack_m < reach_m {
-                node.n_certain += 1;
-            } else if distance_m - slack_m < reach_m {
-                node.undecided.push(index);
-            }
+            let (distance_m, reach_m, slope) = self.tolerance.around(candidate, &centre_m);
+            let slack_m = radius_m * (1.0 + slope) + rounding_m;
+            let is_certain = distance_m + slack_m < reach_m;
+            let is_possible = distance_m - slack_m < reach_m;
+            // Without branches, which would be mispredicted as often as not.
+            node.n_certain += usize::from(is_certain);
+            node.undecided[n_undecided] = index;
+            n_undecided += usize::from(is_possible && !is_certain);
         }
+        node.undecided.truncate(n_undecided);
         node.promise.n_votes = node.n_certain + node.undecided.len();
         Some(node)
     }
