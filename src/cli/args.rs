@@ -159,12 +159,12 @@ pub struct ExperimentArgs {
         value_parser = clap::value_parser!(u64).range(1..=64))]
     pub sets: u64,
     /// With --paper: angles between the cameras, deg.
-    #[arg(long, requires = "paper", conflicts_with = "folders", default_value = "0,20,40,60,80", value_delimiter = ',', value_name = "LIST",
-        value_parser = clap::value_parser!(u32).range(0..=180))]
+    #[arg(long, requires = "paper", conflicts_with = "folders", default_value = "0,20,40,60,80",
+        value_delimiter = ',', value_name = "LIST", value_parser = clap::value_parser!(u32).range(0..=180))]
     pub angles: Vec<u32>,
     /// With --paper: distances between the cameras, cm.
-    #[arg(long, requires = "paper", conflicts_with = "folders", default_value = "20,25,30,35,40,45", value_delimiter = ',', value_name = "LIST",
-        value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, requires = "paper", conflicts_with = "folders", default_value = "20,25,30,35,40,45",
+        value_delimiter = ',', value_name = "LIST", value_parser = clap::value_parser!(u32).range(1..=100))]
     pub distances: Vec<u32>,
     /// With --paper: folder for the page with the tables, the heat map (SVG and PNG) and the JSON document.
     #[arg(long = "output", requires = "paper", conflicts_with = "folders", value_name = "FOLDER")]
