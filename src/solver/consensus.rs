@@ -78,6 +78,20 @@ pub struct Ranking {
     pub impossible: Option<Hypothesis>,
 }
 
+impl Ranking {
+    /// The same evidence with another best pose; its rivals are the poses ranked so far that differ from it.
+    pub fn with_best(self, best: Hypothesis) -> Self {
+        let pose = best.refined.target_from_source;
+        let ranked: Vec<Hypothesis> =
+            [Some(self.best), self.neighbour, self.runner_up].into_iter().flatten().collect();
+        let beyond = |gap: &PoseGap| {
+            ranked.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
+        };
+        let (neighbour, runner_up) = (beyond(&SAME_ANSWER), beyond(&SAME_BASIN));
+        Self { candidates: self.candidates, best, neighbour, runner_up, impossible: self.impossible }
+    }
+}
+
 /// What ranking the poses of a pair comes to.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ranked {

@@ -5,6 +5,8 @@ use crate::geometry::LineObservation;
 
 /// What the target camera saw.
 #[derive(Debug, Clone, PartialEq)]
+// Most pairs are full: boxing them would cost more than the smaller case wastes.
+#[allow(clippy::large_enum_variant)]
 pub enum TargetSide {
     /// A lifted line: the full 3D case (paper, III-B.1).
     Full(EvidenceLine),

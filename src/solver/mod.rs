@@ -31,7 +31,7 @@ pub mod watch;
 pub use evidence::EvidenceLimits;
 pub use line_pair::{LinePair, TargetSide};
 pub use result::*;
-pub use rig::{EstimateOptions, RigCamera, RigEstimator};
+pub use rig::{EstimateOptions, Estimator, RigCamera, RigEstimator};
 pub use verdict::VerdictLimits;
 pub use watch::{Moved, Watch, WatchLimits, WatchReport, Who};
 

@@ -6,13 +6,26 @@ use super::consensus::{RankLimits, Ranked, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
 use super::joint::JointPoses;
 use super::pair_graph::{JudgedPair, distrust_open_loops, join};
+use super::paper::rig_pair::pose_by_paper;
 use super::result::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
 use super::verdict::{Bench, VerdictLimits, judge, residuals};
 use crate::geometry::{Camera, CameraView};
 
+/// Which estimator finds the pose of a pair; the verdict is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Estimator {
+    /// Consensus over all lines.
+    #[default]
+    Consensus,
+    /// The paper's own loop, over the matches that leading poses of the consensus explain.
+    Pelical,
+}
+
 /// Limits of the estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EstimateOptions {
+    /// Who finds the poses.
+    pub estimator: Estimator,
     /// Largest distance between two cameras that is considered, m.
     pub max_baseline_m: f64,
     /// What is kept.
@@ -24,6 +37,7 @@ pub struct EstimateOptions {
 impl Default for EstimateOptions {
     fn default() -> Self {
         Self {
+            estimator: Estimator::default(),
             max_baseline_m: 1.5,
             evidence: EvidenceLimits { max_lines_per_view: 100, max_sets: 80 },
             verdict: VerdictLimits::default(),
@@ -131,7 +145,7 @@ impl RigEstimator {
             max_free_space_violated: self.options.verdict.max_free_space_violated,
             keep_going,
         };
-        let ranking = match rank_poses(pair, &limits) {
+        let mut ranking = match rank_poses(pair, &limits) {
             Ranked::Poses(ranking) => *ranking,
             Ranked::None(no_pose) => {
                 let blind = self.blindness(target).or_else(|| self.blindness(source));
@@ -139,6 +153,16 @@ impl RigEstimator {
                 return JudgedPair { estimate, ranking: None };
             }
         };
+        if self.options.estimator == Estimator::Pelical {
+            let scene = Scene { pair, candidates: &ranking.candidates };
+            match pose_by_paper(&scene, &ranking) {
+                Ok(best) => ranking = ranking.with_best(best),
+                Err((state, reason)) => {
+                    (estimate.state, estimate.reason) = (state, Some(reason));
+                    return JudgedPair { estimate, ranking: None };
+                }
+            }
+        }
         let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
         let bench = Bench { scene, ranking: &ranking, limits: self.options.verdict };

@@ -75,7 +75,12 @@ fn estimate_options(file: &EstimateSection) -> Result<EstimateOptions, Refusal> 
     within("estimate.max_lines_per_view", file.max_lines_per_view as f64, (10.0, 1_000.0))?;
     within("estimate.max_sets", file.max_sets as f64, (1.0, 10_000.0))?;
     let evidence = EvidenceLimits { max_lines_per_view: file.max_lines_per_view, max_sets: file.max_sets };
-    Ok(EstimateOptions { max_baseline_m: file.max_baseline_m, evidence, verdict: verdict_limits(file)? })
+    Ok(EstimateOptions {
+        estimator: file.estimator.into(),
+        max_baseline_m: file.max_baseline_m,
+        evidence,
+        verdict: verdict_limits(file)?,
+    })
 }
 
 fn verdict_limits(file: &EstimateSection) -> Result<VerdictLimits, Refusal> {

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::estimator::EstimatorName;
 use super::faults::FaultsSection;
 use super::serial::Serial;
 use super::synthetic::MoveEntry;
@@ -322,6 +323,8 @@ impl Default for LinesSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct EstimateSection {
+    /// Who finds the poses.
+    pub estimator: EstimatorName,
     /// Largest distance between two cameras that is considered.
     pub max_baseline_m: f64,
     /// Lifted lines kept per image, the most informative.
@@ -346,10 +349,11 @@ pub struct EstimateSection {
 
 impl Default for EstimateSection {
     fn default() -> Self {
-        let EstimateOptions { max_baseline_m, evidence, verdict } = EstimateOptions::default();
+        let EstimateOptions { estimator, max_baseline_m, evidence, verdict } = EstimateOptions::default();
         // People write 0.126 degrees, not 0.12605071492874652.
         let rounded = |value: f64| (value * 1e3).round() / 1e3;
         Self {
+            estimator: EstimatorName::from(estimator),
             max_baseline_m,
             max_lines_per_view: evidence.max_lines_per_view,
             max_sets: evidence.max_sets,

@@ -11,6 +11,7 @@ pub mod pair_geometry;
 pub mod quadratic;
 pub mod re3q3;
 pub mod refine;
+pub mod rig_pair;
 pub mod rotation_roots;
 pub mod translation_candidate;
 

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::room::{Random, frame_sets, rig, room};
 use crate::geometry::CameraView;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
-use crate::solver::{EstimateOptions, RigCalibration, RigEstimator, State};
+use crate::solver::{EstimateOptions, Estimator, RigCalibration, RigEstimator, State};
 
 pub fn solved(n_cameras: usize, sets: &[Vec<Option<CameraView>>]) -> RigCalibration {
     let mut estimator = RigEstimator::new(rig(n_cameras), EstimateOptions::default());
@@ -110,4 +110,21 @@ fn a_pair_that_converges_apart_from_the_reference_is_no_converged_rig() {
     let calibration = solved(3, &sets);
     assert!(calibration.pairs.iter().any(|pair| pair.state == State::Converged), "{:?}", calibration.pairs);
     assert!(calibration.state != State::Converged && calibration.reason.is_some(), "{calibration:?}");
+}
+
+#[test]
+fn the_papers_estimator_finds_a_rig_behind_the_same_verdict() {
+    let mut random = Random::named("by the paper");
+    let room = room(&mut random, 60);
+    let target_from_source = Motion::new(Vector3::new(0.3, 0.1, -0.1), Vector3::new(0.1, 0.9, -0.3));
+    let options = EstimateOptions { estimator: Estimator::Pelical, ..EstimateOptions::default() };
+    let mut estimator = RigEstimator::new(rig(2), options);
+    for set in frame_sets(&mut random, &room, &[Motion::identity(), target_from_source], 12) {
+        estimator.add(&set);
+    }
+    let calibration = estimator.solve();
+    assert_eq!(calibration.state, State::Converged, "{:?}", calibration.reason);
+    let found = calibration.pairs[0].target_from_source.expect("a converged pair has a pose");
+    assert!(rotation_gap_rad(&found, &target_from_source).to_degrees() < 0.2);
+    assert!(translation_gap_m(&found, &target_from_source) < 0.006);
 }
