@@ -20,5 +20,6 @@ mod packaging;
 mod pipeline;
 mod replay;
 mod scripted;
+mod solve;
 mod synthetic_pair;
 mod writer;
