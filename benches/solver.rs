@@ -220,7 +220,10 @@ fn voting(criterion: &mut Criterion) {
                     elapsed
                 });
             });
-            growth.push((n_lines, fastest.as_secs_f64()));
+            // Nothing was measured where a filter leaves this size out.
+            if fastest < Duration::MAX {
+                growth.push((n_lines, fastest.as_secs_f64()));
+            }
         }
         for pair in growth.windows(2) {
             let ((n, time_s), (next_n, next_time_s)) = (pair[0], pair[1]);

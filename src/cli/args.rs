@@ -84,8 +84,14 @@ pub struct CalibrateArgs {
 #[derive(Debug, Args)]
 pub struct EvaluateArgs {
     /// Folders that are searched for recordings.
-    #[arg(required = true, value_name = "DIR")]
+    #[arg(required_unless_present = "paper", conflicts_with = "paper", value_name = "DIR")]
     pub folders: Vec<PathBuf>,
+    /// Repeat the paper's two experiments with synthetic cameras instead, and print the errors beside the paper's.
+    #[arg(long)]
+    pub paper: bool,
+    /// What to do of the paper's experiments.
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
     /// Config file whose sections `sync`, `lines` and `estimate` are used.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
@@ -148,6 +154,30 @@ impl EstimatorChoice {
             EstimatorChoice::Both => &[Estimator::Consensus, Estimator::Pelical],
         }
     }
+}
+
+/// `evaluate --paper`: fewer or more trials than the paper's grid.
+#[derive(Debug, Clone, Args)]
+pub struct ExperimentArgs {
+    /// With --paper: rooms in which every configuration is tried; each has its own furniture, paths and noise.
+    #[arg(long, requires = "paper", conflicts_with = "folders", default_value_t = 5, value_name = "COUNT",
+        value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+    /// With --paper: frame sets of each trial.
+    #[arg(long, requires = "paper", conflicts_with = "folders", default_value_t = 48, value_name = "COUNT",
+        value_parser = clap::value_parser!(u64).range(1..=64))]
+    pub sets: u64,
+    /// With --paper: angles between the cameras, deg.
+    #[arg(long, requires = "paper", conflicts_with = "folders", default_value = "0,20,40,60,80",
+        value_delimiter = ',', value_name = "LIST", value_parser = clap::value_parser!(u32).range(0..=180))]
+    pub angles: Vec<u32>,
+    /// With --paper: distances between the cameras, cm.
+    #[arg(long, requires = "paper", conflicts_with = "folders", default_value = "20,25,30,35,40,45",
+        value_delimiter = ',', value_name = "LIST", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub distances: Vec<u32>,
+    /// With --paper: folder for the page with the tables, the heat map (SVG and PNG) and the JSON document.
+    #[arg(long = "output", requires = "paper", conflicts_with = "folders", value_name = "FOLDER")]
+    pub folder: Option<PathBuf>,
 }
 
 /// `recalibrate`.
@@ -220,6 +250,11 @@ mod tests {
         for line in [
             vec!["pelical", "--instance", "a b", "status"],
             vec!["pelical", "evaluate"],
+            vec!["pelical", "evaluate", "folder", "--paper"],
+            vec!["pelical", "evaluate", "folder", "--seeds", "3"],
+            vec!["pelical", "evaluate", "--seeds", "3"],
+            vec!["pelical", "evaluate", "--paper", "--seeds", "0"],
+            vec!["pelical", "evaluate", "--paper", "--angles", "20,x"],
             vec!["pelical", "record", "x", "--config", "c", "--sets", "0"],
             vec!["pelical", "record", "x", "--config", "c", "--duration", "nan"],
         ] {

@@ -11,14 +11,15 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::output;
 use super::output::document::{EvaluatedRecording, EvaluationDocument};
+use super::paper;
 use super::talk::say;
 use crate::capture::recording::{GROUND_TRUTH_FILE, RECORDING_FILE};
 use crate::service::config;
 
 /// A converged result further from the truth than this is wrong, deg.
-const WRONG_BEYOND_DEG: f64 = 0.5;
+pub(super) const WRONG_BEYOND_DEG: f64 = 0.5;
 /// See [`WRONG_BEYOND_DEG`]; mm.
-const WRONG_BEYOND_MM: f64 = 15.0;
+pub(super) const WRONG_BEYOND_MM: f64 = 15.0;
 
 /// Calibrates from every recording and prints the errors. A recording that cannot be read does not stop the others.
 ///
@@ -26,6 +27,9 @@ const WRONG_BEYOND_MM: f64 = 15.0;
 /// When the config or a folder is not usable, or when there is no recording.
 pub fn run(args: &EvaluateArgs) -> Result<Exit, CliError> {
     let options = config::load_or_default(args.config.as_deref())?.pipeline;
+    if args.paper {
+        return paper::run(args, &options);
+    }
     let mut folders = Vec::new();
     for folder in &args.folders {
         let failed = |error| CliError::BadInput(format!("{}: cannot be searched: {error}", folder.display()));

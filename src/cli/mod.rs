@@ -11,6 +11,7 @@ mod interrupt;
 mod online;
 mod output;
 mod pairs_file;
+mod paper;
 mod progress;
 mod record;
 mod solve;

@@ -1,4 +1,5 @@
-//! `pelical watch`: every result and, at most once a second, how collecting goes, until Ctrl-C. With `--json` one document a line.
+//! `pelical watch`: every result, every camera that was moved and, at most once a second, how collecting goes, until Ctrl-C. With
+//! `--json` one document a line.
 
 use std::time::{Duration, Instant};
 
@@ -8,6 +9,7 @@ use super::exit::Exit;
 use super::interrupt::Interrupt;
 use super::online::GLANCE;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::output::moved::MovedDocument;
 use super::output::{self, status};
 use super::talk::say;
 use crate::ipc::{CalibrationMessage, Client, InstanceName};
@@ -23,9 +25,19 @@ pub fn run(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
     let interrupt = Interrupt::register()?;
     let mut client = Client::connect(instance)?;
     let mut told: Option<Instant> = None;
+    let mut moved = MovedDocument { schema: "", moved: Vec::new() };
     while !interrupt.is_set() {
         if let Some(message) = client.wait_calibration(GLANCE)? {
             print_calibration(&message, output)?;
+        }
+        if let Some(now) = client.latest_health()?.map(MovedDocument::new).filter(|now| !now.is_same(&moved))
+        {
+            if output.json {
+                output::print_json_line(&now)?
+            } else {
+                output::print_text(&now.text())?
+            }
+            moved = now;
         }
         while let Some(progress) = client.next_progress(Duration::ZERO)? {
             if !output.json && told.is_none_or(|told| told.elapsed() >= INTERVAL) {

@@ -1,6 +1,6 @@
 //! What the daemon publishes, as plain types: the newest calibration, how collecting goes, how the daemon and its cameras are.
 
-use crate::solver::{RigCalibration, State};
+use crate::solver::{RigCalibration, State, WatchReport};
 
 /// Name and serial number of a camera.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,6 +37,8 @@ pub struct ProgressMessage {
     pub latency_ns: u64,
     /// The verdict so far.
     pub state: State,
+    /// Whether a camera was moved since the result was made.
+    pub is_moved: bool,
     /// What became of the frame sets.
     pub frame_sets: FrameSetCounts,
     /// Lines of the newest frame set, one entry per camera.
@@ -96,6 +98,8 @@ pub struct HealthMessage {
     pub sequence: u64,
     /// Since the daemon started, ns.
     pub uptime_ns: u64,
+    /// How the result stands; `None` while there is none.
+    pub watch: Option<WatchReport>,
     /// One per camera.
     pub cameras: Vec<CameraHealth>,
     /// One per stage of the pipeline, at most 8.

@@ -1,6 +1,6 @@
 //! What a client may ask the daemon, and what the daemon answers.
 
-use crate::solver::{Reason, State};
+use crate::solver::{Reason, State, WatchReport};
 
 /// What is asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,6 +94,8 @@ pub struct Snapshot {
     pub state: State,
     /// Why that is not converged.
     pub reason: Option<Reason>,
+    /// Whether the converged result still stands; `None` while there is none.
+    pub watch: Option<WatchReport>,
     /// The newest published calibration; 0 before the first.
     pub calibration_sequence: u64,
     /// Since the daemon started, ns.
@@ -113,7 +115,7 @@ pub enum Activity {
     Starting,
     /// Collects evidence for a calibration.
     Collecting,
-    /// Has a converged result; frames are still taken and counted, but no longer used.
+    /// Has a converged result, and compares it with what the cameras see.
     Watching,
     /// Waits for a request: the last calibration was cancelled.
     Idle,

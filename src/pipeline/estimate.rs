@@ -1,4 +1,5 @@
-//! The estimator's thread: collects line sets, solves when enough new evidence has come. It may take seconds; nobody waits for it.
+//! The estimator's thread: collects line sets, solves when enough new evidence has come, then watches whether the result still
+//! stands. It may take seconds; nobody waits for it.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -10,9 +11,10 @@ use crate::solver::{RigCalibration, RigCamera, RigEstimator, State};
 use super::MAX_CAMERAS;
 use super::buffers::LineSet;
 use super::event::{Phase, PipelineEvent, Solved};
-use super::options::SolveOptions;
+use super::options::{PipelineOptions, SolveOptions};
 use super::shared::Shared;
 use super::stage::Stage;
+use super::watching::Watching;
 
 /// Below every other thread of the pipeline, so that frames are never late because of a solution.
 const NICE: i32 = 10;
@@ -49,6 +51,7 @@ pub(super) struct EstimateStage {
     intrinsics: [Option<Camera>; MAX_CAMERAS],
     views: Vec<Option<CameraView>>,
     evidence: Evidence,
+    watching: Watching,
 }
 
 /// What was collected in this round.
@@ -73,10 +76,17 @@ impl Evidence {
 }
 
 impl EstimateStage {
-    pub(super) fn new(shared: Arc<Shared>, options: SolveOptions, make: Box<MakeEstimator>) -> Self {
-        let views = vec![None; shared.cameras.len()];
-        let intrinsics = [None; MAX_CAMERAS];
-        Self { shared, options, make, estimator: None, intrinsics, views, evidence: Evidence::default() }
+    pub(super) fn new(shared: Arc<Shared>, options: &PipelineOptions, make: Box<MakeEstimator>) -> Self {
+        Self {
+            views: vec![None; shared.cameras.len()],
+            intrinsics: [None; MAX_CAMERAS],
+            watching: Watching::new(Arc::clone(&shared), options),
+            options: options.solve,
+            estimator: None,
+            evidence: Evidence::default(),
+            shared,
+            make,
+        }
     }
 
     /// Forgets the evidence when a new round of collecting has begun, and what was seen before it.
@@ -94,6 +104,7 @@ impl EstimateStage {
 
     fn forget(&mut self) {
         self.estimator = None;
+        self.watching.end();
         self.evidence = Evidence { round: self.evidence.round, ..Evidence::default() };
     }
 
@@ -142,6 +153,14 @@ impl EstimateStage {
         self.shared.queues.recycle_set(set);
     }
 
+    /// Compares a set with the result, if there is one.
+    fn compare(&mut self, mut set: Box<LineSet>) {
+        self.swap_views(&mut set);
+        self.watching.compare(&self.views);
+        self.swap_views(&mut set);
+        self.shared.queues.recycle_set(set);
+    }
+
     /// Moves the views of a set to the form the estimator takes, or back: no view is copied.
     fn swap_views(&mut self, set: &mut LineSet) {
         for (view, slot) in self.views.iter_mut().zip(&mut set.slots) {
@@ -175,6 +194,13 @@ impl EstimateStage {
             self.shared.phase.is_collecting(round)
         };
         if is_wanted {
+            if calibration.state == State::Converged {
+                let known: Option<Vec<Camera>> =
+                    self.intrinsics[..self.views.len()].iter().copied().collect();
+                if let Some(cameras) = known {
+                    self.watching.begin(cameras, &calibration, round);
+                }
+            }
             let Evidence { newest_stamp, seen: sets_seen, .. } = self.evidence;
             let solved = Solved { calibration, newest_stamp, sets_seen, took, round };
             self.shared.tell_surely(PipelineEvent::Calibration(Box::new(solved)));
@@ -197,12 +223,13 @@ impl Stage for EstimateStage {
         let round = self.evidence.round;
         match set {
             Some(set) if self.shared.phase.is_collecting(round) => self.add(set),
-            Some(set) => self.shared.queues.recycle_set(set),
+            Some(set) => self.compare(set),
             None => {}
         }
         if self.shared.phase.is_collecting(round) && self.evidence.is_worth_solving(&self.options) {
             self.solve();
         }
+        self.watching.ask_for_set();
         had_set
     }
 }

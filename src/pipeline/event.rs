@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::capture::StampNs;
-use crate::solver::RigCalibration;
+use crate::solver::{RigCalibration, WatchReport};
 
 use super::MAX_CAMERAS;
 use super::stats::Counts;
@@ -129,6 +129,15 @@ pub struct Solved {
     pub round: u64,
 }
 
+/// How a converged result stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Watched {
+    /// What the newest frame sets say.
+    pub report: WatchReport,
+    /// The round whose result it is; see [`super::Pipeline::round`].
+    pub round: u64,
+}
+
 /// What the pipeline tells its owner.
 #[derive(Debug, Clone, PartialEq)]
 // Progress is the large one and by far the most frequent: a box would allocate once per frame set.
@@ -147,6 +156,8 @@ pub enum PipelineEvent {
     Progress(Progress),
     /// The estimator has solved.
     Calibration(Box<Solved>),
+    /// A converged result was compared with what the cameras see.
+    Watched(Box<Watched>),
     /// A thread ended by a panic: a bug; the pipeline should be stopped and started again.
     Bug {
         /// Which thread.

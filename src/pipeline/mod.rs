@@ -9,12 +9,13 @@
 //!        | done           ArrayQueue, sized for all sets in flight
 //!   thread publish        joins a set, motion test ---------> PipelineEvent::Progress, Camera
 //!        | sets           ArrayQueue, newest wins
-//!   thread estimate       add, solve (nice 10) -------------> PipelineEvent::Calibration
+//!   thread estimate       add, solve, watch (nice 10) ------> PipelineEvent::Calibration, Watched
 //! ```
 //!
 //! Down to the event of `publish`, after the first frames nothing is allocated, no lock is taken and no reader is waited for; every queue
 //! is lock-free, bounded, and counts what it drops; buffers go round. Commands and events are the control path (atomics, and a channel
 //! that drops and counts what its reader is too slow for). A solution takes seconds: sets that come meanwhile are skipped and counted.
+//! Once there is a result, `estimate` asks for a set when it has time for one.
 
 mod buffers;
 mod capture_loop;
@@ -32,6 +33,7 @@ mod shared;
 mod stage;
 pub mod stats;
 mod sync;
+mod watching;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -46,7 +48,9 @@ use crate::solver::RigEstimator;
 pub use buffers::FoundLines;
 pub use capture_loop::FRAME_TIMEOUT;
 pub use estimate::{Estimator, MakeEstimator};
-pub use event::{Answer, CameraProgress, CameraState, Command, Phase, PipelineEvent, Progress, Solved};
+pub use event::{
+    Answer, CameraProgress, CameraState, Command, Phase, PipelineEvent, Progress, Solved, Watched,
+};
 pub use finder::{FindTimes, LineFinder, SegmentLineFinder};
 pub use motion::MotionOptions;
 pub use options::{PipelineOptions, SolveOptions, StartError, SyncOptions};
@@ -168,7 +172,7 @@ impl Pipeline {
         let shared = Arc::new(Shared::new(names, n_line_threads, events));
         // If a thread cannot be started, the drop of `pipeline` stops the others.
         let mut pipeline = Self { shared: Arc::clone(&shared), threads: Vec::new() };
-        let estimate = estimate::EstimateStage::new(Arc::clone(&shared), options.solve, parts.estimator);
+        let estimate = estimate::EstimateStage::new(Arc::clone(&shared), options, parts.estimator);
         pipeline.add("estimate".to_owned(), Box::new(estimate))?;
         let publish = publish::PublishStage::new(Arc::clone(&shared), options.motion);
         pipeline.add("publish".to_owned(), Box::new(publish))?;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::lines::{DetectOptions, LiftOptions};
-use crate::solver::EstimateOptions;
+use crate::solver::{EstimateOptions, WatchLimits};
 
 use super::MAX_CAMERAS;
 use super::motion::MotionOptions;
@@ -23,6 +23,8 @@ pub struct PipelineOptions {
     pub sync: SyncOptions,
     /// When to solve.
     pub solve: SolveOptions,
+    /// From when on a camera counts as moved after a converged result.
+    pub watch: WatchLimits,
     /// Threads of the line stage; 0 takes one per camera, at most one per core.
     pub n_line_threads: usize,
 }

@@ -72,7 +72,13 @@ impl PublishStage {
             phase,
             counts: shared.counters.counts(),
         }));
-        self.hand_on(header, slots, phase == Phase::Collecting && !is_fast);
+        let is_wanted = match phase {
+            _ if is_fast => false,
+            Phase::Collecting => true,
+            Phase::Watching => shared.wants_watched_set.swap(false, Ordering::Relaxed),
+            Phase::Idle => false,
+        };
+        self.hand_on(header, slots, is_wanted);
         // Release: pairs with the acquire in sync; the set's buffers are back in their pools.
         shared.queues.in_flight.fetch_sub(1, Ordering::Release);
         shared.wakers.sync.wake();

@@ -151,6 +151,8 @@ pub(super) struct Shared {
     pub(super) latencies: Latencies,
     pub(super) queues: Queues,
     pub(super) wakers: Wakers,
+    /// Set while the estimator has time for a frame set to compare its result with. Relaxed: sets go through the queues.
+    pub(super) wants_watched_set: AtomicBool,
     events: Sender<PipelineEvent>,
 }
 
@@ -179,6 +181,7 @@ impl Shared {
             latencies: Latencies::default(),
             queues: Queues::new(names.len(), n_line_threads),
             wakers,
+            wants_watched_set: AtomicBool::new(false),
             cameras: names.into_iter().map(CameraShared::new).collect(),
             events,
         }

@@ -227,6 +227,7 @@ pub struct Latencies {
     pub(super) frame_to_progress: Histogram,
     pub(super) associate: Histogram,
     pub(super) solve: Histogram,
+    pub(super) watch: Histogram,
 }
 
 /// Summaries of [`Latencies`].
@@ -244,6 +245,8 @@ pub struct LatencySummaries {
     pub associate: LatencySummary,
     /// One solution of the estimator.
     pub solve: LatencySummary,
+    /// One frame set compared with the converged result.
+    pub watch: LatencySummary,
 }
 
 impl Latencies {
@@ -256,6 +259,7 @@ impl Latencies {
             frame_to_progress: self.frame_to_progress.summary(),
             associate: self.associate.summary(),
             solve: self.solve.summary(),
+            watch: self.watch.summary(),
         }
     }
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 
-use super::config::{CameraChoice, Config, RigError};
+use super::config::{CameraChoice, Config, OnMoved, RigError};
 use super::error::ServiceError;
 use super::state::{self, Life};
 use super::stop::Stop;
@@ -20,7 +20,7 @@ use crate::ipc::{
 use crate::pipeline::{
     self, Answer, CameraSlot, Command, Counts, Parts, Pipeline, PipelineEvent, PipelineOptions, Solved,
 };
-use crate::solver::State;
+use crate::solver::{Moved, State, WatchReport, Who};
 
 /// Longest time a client's request or a signal waits for the daemon's attention; events of the pipeline wake it at once.
 const POLL: Duration = Duration::from_millis(5);
@@ -38,6 +38,9 @@ struct Daemon {
     calibration_sequence: u64,
     progress: ProgressTeller,
     health: HealthTeller,
+    on_moved: OnMoved,
+    /// A new calibration began by itself: until it converges, the old result stays published.
+    keeps_result: bool,
     /// Messages that could not be published since health was told last, and why the last one could not.
     unpublished: (u32, Option<ServerError>),
 }
@@ -63,6 +66,7 @@ struct Rig {
     slots: Vec<CameraSlot>,
     identities: Vec<CameraIdentity>,
     options: PipelineOptions,
+    on_moved: OnMoved,
     /// Lines and estimate; other ones in tests.
     make_parts: fn(&PipelineOptions) -> Parts,
 }
@@ -87,6 +91,7 @@ impl Rig {
             slots: cameras.iter().map(slot).collect(),
             identities: cameras.iter().map(identity).collect(),
             options: config.pipeline,
+            on_moved: config.on_moved,
             make_parts: Parts::new,
         })
     }
@@ -117,7 +122,7 @@ pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
 
 /// Runs pipelines one after the other: a panic in one of its threads ends a pipeline, not the daemon.
 fn run_rig(rig: &Rig, server: &Server, stop: &Stop) -> Result<(), ServiceError> {
-    let mut daemon = Daemon::new(rig.identities.clone());
+    let mut daemon = Daemon::new(rig.identities.clone(), rig.on_moved);
     for restarts in 0.. {
         let live = rig.start(server)?;
         let end = daemon.serve(&live, stop);
@@ -165,13 +170,15 @@ fn open_rig(config: &Config, stop: &Stop) -> Result<Option<Rig>, ServiceError> {
 }
 
 impl Daemon {
-    fn new(identities: Vec<CameraIdentity>) -> Self {
+    fn new(identities: Vec<CameraIdentity>, on_moved: OnMoved) -> Self {
         Self {
             identities,
             life: Life::new(),
             calibration_sequence: 0,
             progress: ProgressTeller::default(),
             health: HealthTeller::new(Instant::now()),
+            on_moved,
+            keeps_result: false,
             unpublished: (0, None),
         }
     }
@@ -216,21 +223,23 @@ impl Daemon {
         match event {
             PipelineEvent::Progress(progress) => {
                 self.life.on_frames();
-                let message = self.progress.message(&progress, self.identities.len(), self.life.state());
+                let message = self.progress.message(&progress, self.identities.len(), &self.life);
                 self.note(live.server.publish_progress(&message));
             }
             // One that was under way when a client asked for a new calibration is not the answer to that.
             PipelineEvent::Calibration(solved) if solved.round != live.pipeline.round() => {}
-            PipelineEvent::Calibration(solved) => self.publish(*solved, live),
+            PipelineEvent::Calibration(solved) => self.take(*solved, live),
+            PipelineEvent::Watched(watched) if watched.round != live.pipeline.round() => {}
+            PipelineEvent::Watched(watched) => self.watched(watched.report, &live.pipeline),
             // The pipeline has logged it, health tells it, and a bug has ended the loop.
             PipelineEvent::Camera { .. } | PipelineEvent::Bug { .. } => {}
         }
     }
 
-    fn publish(&mut self, solved: Solved, live: &Live<'_>) {
+    fn take(&mut self, solved: Solved, live: &Live<'_>) {
         self.life.on_solved(&solved);
         self.progress.note(&solved.calibration);
-        self.calibration_sequence += 1;
+        self.keeps_result &= self.life.state() != State::Converged;
         let (state, ms) = (solved.calibration.state.name(), solved.took.as_millis());
         let sentence = solved.calibration.reason.as_ref().map_or("", |reason| reason.sentence.as_str());
         if self.life.state() == State::Converged {
@@ -238,6 +247,13 @@ impl Daemon {
         } else {
             tracing::debug!(state, ms, sentence, "not yet");
         }
+        if !self.keeps_result {
+            self.publish(solved, live);
+        }
+    }
+
+    fn publish(&mut self, solved: Solved, live: &Live<'_>) {
+        self.calibration_sequence += 1;
         let message = CalibrationMessage {
             sequence: self.calibration_sequence,
             stamp_ns: wall_clock_ns(),
@@ -247,12 +263,37 @@ impl Daemon {
         self.note(live.server.publish_calibration(&message));
     }
 
+    /// The newest word on how the result stands.
+    fn watched(&mut self, report: WatchReport, pipeline: &Pipeline) {
+        if !self.life.on_watched(report) {
+            return;
+        }
+        let moved = self.life.watch().map(|watch| watch.moved.as_slice()).unwrap_or_default();
+        if moved.is_empty() {
+            tracing::info!("every camera stands again as calibrated");
+            return;
+        }
+        moved.iter().for_each(|moved| log_moved(moved, &self.identities));
+        if self.on_moved == OnMoved::Recalibrate {
+            let before = pipeline.snapshot();
+            if pipeline.command(Command::Recalibrate) == Answer::Accepted {
+                tracing::info!(
+                    "calibrating again because a camera was moved: the old result stays until then"
+                );
+                self.life.on_moved_restart();
+                self.progress.restart(before.counts);
+                self.keeps_result = true;
+            }
+        }
+    }
+
     fn answer(&mut self, request: Request, pipeline: &Pipeline) -> Response {
         let before = pipeline.snapshot();
         let outcome = self.life.answer(request.kind, &before, |command| {
             let answer = pipeline.command(command);
             if (command, answer) == (Command::Recalibrate, Answer::Accepted) {
                 self.progress.restart(before.counts);
+                self.keeps_result = false;
             }
             answer
         });
@@ -267,6 +308,7 @@ impl Daemon {
             activity: self.life.activity(pipeline.phase),
             state: self.life.state(),
             reason: self.life.reason().cloned(),
+            watch: self.life.watch().cloned(),
             calibration_sequence: self.calibration_sequence,
             uptime_ns: self.health.uptime_ns(),
             frame_sets_used: self.progress.frame_sets(&pipeline.counts).used,
@@ -276,7 +318,7 @@ impl Daemon {
     }
 
     fn tell_health(&mut self, live: &Live<'_>) {
-        let message = self.health.message(&live.pipeline.snapshot());
+        let message = self.health.message(&live.pipeline.snapshot(), self.life.watch());
         self.note(live.server.publish_health(&message));
         if let (count, Some(error)) = std::mem::take(&mut self.unpublished) {
             tracing::warn!(count, %error, "messages could not be published");
@@ -287,6 +329,38 @@ impl Daemon {
     fn note(&mut self, published: Result<(), ServerError>) {
         if let Err(error) = published {
             self.unpublished = (self.unpublished.0 + 1, Some(error));
+        }
+    }
+}
+
+fn log_moved(moved: &Moved, identities: &[CameraIdentity]) {
+    let name = |camera: usize| identities.get(camera).map_or("?", |camera| camera.name.as_str());
+    let rounded = |value: f64| (value * 100.0).round() / 100.0;
+    let (deg, mm) = (rounded(moved.rotation_rad.to_degrees()), rounded(1e3 * moved.translation_m));
+    let (sigma_deg, sigma_mm) =
+        (rounded(moved.sigma_rotation_rad.to_degrees()), rounded(1e3 * moved.sigma_translation_m));
+    match moved.who {
+        Who::Camera(camera) => {
+            let camera = name(camera);
+            tracing::warn!(
+                camera,
+                deg,
+                mm,
+                sigma_deg,
+                sigma_mm,
+                "camera was moved: the result no longer holds"
+            );
+        }
+        Who::OneOf(a, b) => {
+            let cameras = format!("{}, {}", name(a), name(b));
+            tracing::warn!(
+                cameras,
+                deg,
+                mm,
+                sigma_deg,
+                sigma_mm,
+                "one of two cameras was moved: the result no longer holds"
+            );
         }
     }
 }

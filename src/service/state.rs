@@ -2,7 +2,7 @@
 
 use crate::ipc::{Activity, Outcome, RefusalCode, RequestKind};
 use crate::pipeline::{Answer, CameraState, Command, Phase, Snapshot, Solved};
-use crate::solver::{Reason, State};
+use crate::solver::{Reason, State, WatchReport};
 
 /// Fewer cameras cannot be calibrated against each other.
 const MIN_CAMERAS: usize = 2;
@@ -12,6 +12,8 @@ const MIN_CAMERAS: usize = 2;
 pub struct Life {
     state: State,
     reason: Option<Reason>,
+    /// How the published result stands; none without a converged one.
+    watch: Option<WatchReport>,
     has_started: bool,
     is_stopping: bool,
 }
@@ -19,7 +21,7 @@ pub struct Life {
 impl Life {
     /// Before the first frame.
     pub fn new() -> Self {
-        Self { state: State::Collecting, reason: None, has_started: false, is_stopping: false }
+        Self { state: State::Collecting, reason: None, watch: None, has_started: false, is_stopping: false }
     }
 
     /// The verdict of the newest solution, or `Collecting` before the first one.
@@ -32,6 +34,16 @@ impl Life {
         self.reason.as_ref()
     }
 
+    /// How the published result stands; `None` without a converged one.
+    pub fn watch(&self) -> Option<&WatchReport> {
+        self.watch.as_ref()
+    }
+
+    /// Whether a camera was moved since the published result was made.
+    pub fn is_moved(&self) -> bool {
+        self.watch.as_ref().is_some_and(|watch| !watch.moved.is_empty())
+    }
+
     /// The first frame set came.
     pub fn on_frames(&mut self) {
         self.has_started = true;
@@ -41,11 +53,27 @@ impl Life {
     pub fn on_solved(&mut self, solved: &Solved) {
         self.state = solved.calibration.state;
         self.reason = solved.calibration.reason.clone();
+        if self.state == State::Converged {
+            self.watch = Some(WatchReport::default());
+        }
+    }
+
+    /// The published result was compared with what the cameras see; whether other cameras than before are said to be moved.
+    pub fn on_watched(&mut self, report: WatchReport) -> bool {
+        let before = self.watch.replace(report);
+        let (before, now) = (before.unwrap_or_default(), self.watch.iter().flat_map(WatchReport::who));
+        now.ne(before.who())
+    }
+
+    /// Collecting begins anew because a camera was moved: that stays true of the published result until there is another one.
+    pub fn on_moved_restart(&mut self) {
+        (self.state, self.reason) = (State::Collecting, None);
     }
 
     /// Collecting begins anew.
     pub fn on_restart(&mut self) {
-        (self.state, self.reason) = (State::Collecting, None);
+        self.on_moved_restart();
+        self.watch = None;
     }
 
     /// The end has begun.
@@ -114,6 +142,7 @@ pub fn streaming(pipeline: &Snapshot) -> usize {
 mod tests {
     use super::*;
     use crate::pipeline::{CameraSnapshot, Counts, LatencySummaries};
+    use crate::solver::{Moved, Who};
 
     fn with_cameras(states: &[CameraState]) -> Snapshot {
         let camera = |&state: &CameraState| CameraSnapshot {
@@ -167,6 +196,38 @@ mod tests {
         check_refused(ask(&mut life, &one, Answer::Accepted), RefusalCode::NoCameras);
         life.on_stop();
         check_refused(ask(&mut life, &TWO, Answer::Accepted), RefusalCode::Stopping);
+    }
+
+    fn moved(camera: usize) -> WatchReport {
+        let moved = Moved {
+            who: Who::Camera(camera),
+            rotation_rad: 0.05,
+            sigma_rotation_rad: 0.001,
+            translation_m: 0.02,
+            sigma_translation_m: 0.001,
+        };
+        WatchReport { moved: vec![moved], sets_since_confirmed: 9 }
+    }
+
+    #[test]
+    fn only_other_moved_cameras_than_before_are_news() {
+        let mut life = Life::new();
+        assert!(!life.on_watched(WatchReport { sets_since_confirmed: 4, ..WatchReport::default() }));
+        assert!(!life.is_moved());
+        assert!(life.on_watched(moved(1)) && life.is_moved());
+        assert!(!life.on_watched(moved(1)), "said before");
+        assert!(life.on_watched(moved(2)), "another camera");
+        assert!(life.on_watched(WatchReport::default()) && !life.is_moved());
+    }
+
+    #[test]
+    fn a_moved_camera_is_forgotten_when_asked_to_calibrate_but_not_when_that_begins_by_itself() {
+        let mut life = Life::new();
+        life.on_watched(moved(1));
+        life.on_moved_restart();
+        assert!(life.is_moved() && life.state() == State::Collecting);
+        life.on_restart();
+        assert!(!life.is_moved() && life.watch().is_none());
     }
 
     #[test]

@@ -7,7 +7,9 @@ use crate::ipc::{
     StageLatency,
 };
 use crate::pipeline::{self, CameraSnapshot, Counts, LatencySummary, Progress, Snapshot};
-use crate::solver::{RigCalibration, State};
+use crate::solver::{RigCalibration, WatchReport};
+
+use super::state::Life;
 
 /// What is remembered between messages about collecting.
 #[derive(Debug, Default)]
@@ -44,7 +46,7 @@ impl ProgressTeller {
     }
 
     /// The message about one frame set.
-    pub fn message(&mut self, progress: &Progress, n_cameras: usize, state: State) -> ProgressMessage {
+    pub fn message(&mut self, progress: &Progress, n_cameras: usize, life: &Life) -> ProgressMessage {
         self.sequence += 1;
         let last_ns = ns(progress.skew);
         self.max_skew_ns = self.max_skew_ns.max(last_ns);
@@ -54,7 +56,8 @@ impl ProgressTeller {
             newest_frame_ns: progress.newest_stamp.0,
             published_ns: monotonic_ns(),
             latency_ns: ns(progress.newest_arrival.elapsed()),
-            state,
+            state: life.state(),
+            is_moved: life.is_moved(),
             frame_sets: self.frame_sets(&progress.counts),
             cameras: lines.map(|camera| CameraLines { lines: camera.lines, lifted: camera.lifted }).collect(),
             best_pair: self.best_pair,
@@ -90,8 +93,8 @@ impl HealthTeller {
         self.last.is_none_or(|last| last.elapsed() >= interval)
     }
 
-    /// The message about the pipeline as it is now.
-    pub fn message(&mut self, pipeline: &Snapshot) -> HealthMessage {
+    /// The message about the pipeline as it is now, and how the result stands.
+    pub fn message(&mut self, pipeline: &Snapshot, watch: Option<&WatchReport>) -> HealthMessage {
         let elapsed_s = self.last.unwrap_or(self.started).elapsed().as_secs_f64().max(1e-3);
         self.last = Some(Instant::now());
         self.sequence += 1;
@@ -110,6 +113,7 @@ impl HealthTeller {
         HealthMessage {
             sequence: self.sequence,
             uptime_ns: self.uptime_ns(),
+            watch: watch.cloned(),
             cameras,
             stages: stages(pipeline),
         }
@@ -131,6 +135,7 @@ fn stages(pipeline: &Snapshot) -> Vec<StageLatency> {
         ("frame_to_progress", latencies.frame_to_progress),
         ("associate", latencies.associate),
         ("solve", latencies.solve),
+        ("watch", latencies.watch),
     ];
     all.into_iter().map(stage).collect()
 }

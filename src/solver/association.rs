@@ -9,6 +9,7 @@ use nalgebra::{Matrix4, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::candidates::{Candidate, PairEvidence};
 use super::residual::{MatchResidual, match_residual};
+use super::sides::{brightness_gain, owners_contradict};
 use super::translation_vote::{Blur, TranslationLine};
 use crate::geometry::motion::Motion;
 
@@ -17,7 +18,7 @@ pub const MAX_DISTANCE2: f64 = 18.5;
 /// Chance: offsets within ±0.6 of the image plane at both ends and inverse depths within 1/m, uniformly.
 const LOG_CHANCE_VOLUME: f64 = 0.365;
 /// Rooms repeat themselves (parallel edges, equal spacings): chance is likelier than uniform by this much, nats.
-const STRUCTURE_PENALTY: f64 = 4.0;
+pub const STRUCTURE_PENALTY: f64 = 4.0;
 /// No single match counts more, nats: one lucky coincidence of precise lines must not outvote several honest ones.
 const MAX_GAIN: f64 = 12.0;
 /// First look, before any covariance: directions within this angle, rad ...
@@ -109,6 +110,11 @@ impl Scene<'_> {
     ) -> Option<Match> {
         let candidate = &self.candidates[idx];
         let (target, source) = self.pair.pair(candidate)?;
+        let turned = target_from_source.rotation * candidate.source_direction;
+        let is_same_way = turned.dot(&candidate.target_direction) > 0.0;
+        if owners_contradict(target, source, is_same_way) {
+            return None;
+        }
         let MatchResidual { residual, d_residual_d_pose, covariance } =
             match_residual(target, source, target_from_source)?;
         let spread: Matrix4<f64> = covariance * (gate.noise_scale * gate.noise_scale)
@@ -125,7 +131,8 @@ impl Scene<'_> {
             - log_volume
             - 0.5 * distance2
             - (targets.len() as f64).ln()
-            - STRUCTURE_PENALTY;
+            - STRUCTURE_PENALTY
+            + brightness_gain(is_same_way);
         (gain > 0.0).then_some(Match { candidate: idx, distance2, gain: gain.min(MAX_GAIN) })
     }
 }
@@ -183,7 +190,8 @@ pub fn coarse_score(
         // Two degrees of freedom, chance uniform over 2 m by 2 m.
         let gain = (4.0 / (2.0 * std::f64::consts::PI * sigma_m * sigma_m)).ln()
             - 0.5 * (distance_m / sigma_m).powi(2)
-            - 2.0;
+            - 2.0
+            + brightness_gain(line.is_same_way);
         if gain <= 0.0 {
             continue;
         }

@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-use super::evidence::{Evidence, EvidenceLine};
+use super::evidence::{Evidence, EvidenceLine, EvidenceView};
 
 /// Lines within this angle belong to one bundle, rad (5 degrees: detection plus lifting noise of short lines).
 const BUNDLE_ANGLE_RAD: f64 = 0.087;
@@ -47,11 +47,15 @@ pub struct PairEvidence<'a> {
 }
 
 impl<'a> PairEvidence<'a> {
+    /// Target and source views of one set; `None` when one of the cameras was missing.
+    pub fn views(&self, set: usize) -> Option<(&'a EvidenceView, &'a EvidenceView)> {
+        let views = &self.evidence.sets.get(set)?.views;
+        Some((views.get(self.target)?.as_ref()?, views.get(self.source)?.as_ref()?))
+    }
+
     /// Target and source lines of one set; `None` when one of the cameras was missing.
     pub fn lines(&self, set: usize) -> Option<(&'a [EvidenceLine], &'a [EvidenceLine])> {
-        let views = &self.evidence.sets.get(set)?.views;
-        let target = views.get(self.target)?.as_ref()?;
-        let source = views.get(self.source)?.as_ref()?;
+        let (target, source) = self.views(set)?;
         Some((&target.lines, &source.lines))
     }
 

@@ -5,6 +5,9 @@
 use super::association::{Gate, Match, Scene, coarse_score};
 use super::candidates::{Candidate, PairEvidence};
 use super::free_space::free_space;
+use super::missing::{MissingLines, missing_lines};
+use super::noise::{covariance, noise_scale};
+use super::pnl::{Matched, PnlMatch, Settled};
 use super::refine::{Refined, Stop, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode};
 use super::rotation_vote::rotation_modes;
@@ -13,7 +16,7 @@ use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
 /// Lines whose direction is worse than this do not vote for rotations, rad (3 degrees).
-const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
+pub const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
 /// Rotations tried.
 const MAX_MODES: usize = 100;
 /// Translations tried per rotation, by the rotation's rank: where lines share a room's axes, the true rotation leads, and the
@@ -35,12 +38,29 @@ const MIN_MATCHES: usize = 3;
 pub struct Hypothesis {
     /// The pose and its information.
     pub refined: Refined,
-    /// Matches at the final gate.
+    /// Matches at the final gate, lifted on both sides.
     pub matches: Vec<Match>,
-    /// Sum of the gains, nats.
+    /// Further matches, lifted on one side.
+    pub pnl: Vec<PnlMatch>,
+    /// Sum of the gains less what missing lines take, nats.
     pub score: f64,
+    /// Lines that should be seen and are not, once the pose is ranked.
+    pub missing: MissingLines,
     /// Factor on the lines' standard deviations that makes these matches agree as they should, at least 1.
     pub noise_scale: f64,
+}
+
+impl Hypothesis {
+    /// Number of matches of both kinds.
+    pub fn n_matches(&self) -> usize {
+        self.matches.len() + self.pnl.len()
+    }
+
+    /// The frame set of each match.
+    pub fn sets<'a>(&'a self, scene: &'a Scene<'_>) -> impl Iterator<Item = u32> + 'a {
+        let full = self.matches.iter().map(|found| scene.candidates[found.candidate].set);
+        full.chain(self.pnl.iter().map(|found| found.pair.set))
+    }
 }
 
 /// The ranked answers for a pair.
@@ -54,6 +74,8 @@ pub struct Ranking {
     pub neighbour: Option<Hypothesis>,
     /// The best pose that shares hardly any match with the best.
     pub runner_up: Option<Hypothesis>,
+    /// The best of the poses that cannot be: what its lines agree on, they agree on by coincidence.
+    pub impossible: Option<Hypothesis>,
 }
 
 /// What ranking the poses of a pair comes to.
@@ -112,31 +134,45 @@ pub struct RankLimits<'a> {
 /// Ranks the poses of a pair. A ranking that was given up is incomplete: the caller must not use it.
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
-    let starts = coarse_poses(&candidates, limits);
-    let scene = Scene { pair, candidates: &candidates };
+    let settled = settled_poses(Scene { pair, candidates: &candidates }, limits);
+    let is_possible = |settled: &Hypothesis| is_possible(&settled.refined.target_from_source, &pair, limits);
+    let (mut others, impossible): (Vec<Hypothesis>, Vec<Hypothesis>) =
+        settled.into_iter().partition(is_possible);
+    for possible in &mut others {
+        possible.missing = missing_lines(&pair, limits.cameras, &possible.refined.target_from_source);
+        possible.score -= possible.missing.penalty();
+    }
+    others.sort_by(|a, b| b.score.total_cmp(&a.score));
+    if others.is_empty() {
+        let n = impossible.len();
+        return Ranked::None(if n == 0 { NoPose::NothingAgrees } else { NoPose::Impossible(n) });
+    }
+    let best = others.remove(0);
+    let pose = best.refined.target_from_source;
+    let beyond = |gap: &PoseGap, poses: &[Hypothesis]| {
+        poses.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
+    };
+    let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &others), beyond(&SAME_BASIN, &others));
+    let impossible = beyond(&SAME_BASIN, &impossible);
+    Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up, impossible }))
+}
+
+/// Whether a pose contradicts neither free space nor the largest baseline.
+fn is_possible(target_from_source: &Motion, pair: &PairEvidence<'_>, limits: &RankLimits<'_>) -> bool {
+    target_from_source.translation.vector.norm() <= limits.max_baseline_m
+        && !free_space(pair, limits.cameras, target_from_source).is_violated(limits.max_free_space_violated)
+}
+
+/// Every pose that settled on its matches, best score first.
+pub fn settled_poses(scene: Scene<'_>, limits: &RankLimits<'_>) -> Vec<Hypothesis> {
+    let starts = coarse_poses(scene.candidates, limits);
     let going = starts.iter().take_while(|_| (limits.keep_going)());
     let mut drawn_in: Vec<Approach<'_>> = going.filter_map(|pose| Approach::start(scene, pose)).collect();
     drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
     let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| (limits.keep_going)());
     let mut settled: Vec<Hypothesis> = going.filter_map(Approach::settle).collect();
     settled.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let n_settled = settled.len();
-    let mut possible = settled.into_iter().filter(|settled| {
-        let pose = &settled.refined.target_from_source;
-        pose.translation.vector.norm() <= limits.max_baseline_m
-            && !free_space(&pair, limits.cameras, pose).is_violated(limits.max_free_space_violated)
-    });
-    let Some(best) = possible.next() else {
-        let none = if n_settled == 0 { NoPose::NothingAgrees } else { NoPose::Impossible(n_settled) };
-        return Ranked::None(none);
-    };
-    let pose = best.refined.target_from_source;
-    let others: Vec<Hypothesis> = possible.collect();
-    let best_beyond = |gap: &PoseGap| {
-        others.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
-    };
-    let (neighbour, runner_up) = (best_beyond(&SAME_ANSWER), best_beyond(&SAME_BASIN));
-    Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up }))
+    settled
 }
 
 /// How far apart two poses are at most to count as one.
@@ -215,17 +251,34 @@ impl<'a> Approach<'a> {
         for (translation_m, rotation_rad) in SETTLING {
             self.step(&Gate { translation_m, rotation_rad, noise_scale: 1.0 }, TOWARDS_THE_MINIMUM)?;
         }
-        let mut noise_scale = 1.0;
+        let mut scale = 1.0;
         for _ in 0..2 {
-            let matches =
-                self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale }, TO_THE_MINIMUM)?;
-            noise_scale = (noise_scale * excess_noise(&matches)).clamp(1.0, MAX_NOISE_SCALE);
+            let gate = Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale: scale };
+            scale = noise_scale(&self.step(&gate, TO_THE_MINIMUM)?, scale);
         }
-        let matches =
-            self.step(&Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale }, TO_THE_MINIMUM)?;
-        let refined = refine(&self.scene, &indices(&matches), &self.pose, (noise_scale, TO_THE_MINIMUM));
+        self.settle_at(scale)
+    }
+
+    /// Takes the matches at the lines' own noise, and those that only a settled pose can be trusted to choose.
+    fn settle_at(mut self, noise_scale: f64) -> Option<Hypothesis> {
+        let gate = Gate { translation_m: 0.0, rotation_rad: 0.0, noise_scale };
+        let matches = self.step(&gate, TO_THE_MINIMUM)?;
+        let limits = (noise_scale, TO_THE_MINIMUM);
+        let mut matched = Matched::new(&matches, &[]);
+        let mut refined = matched.fit(&self.scene, &self.pose, limits);
+        let mut pnl = Vec::new();
+        for _ in 0..2 {
+            let Some(covariance) = covariance(&refined, noise_scale) else { break };
+            let target_from_source = &refined.target_from_source;
+            let settled = Settled { target_from_source, covariance: &covariance, noise_scale };
+            pnl = self.scene.pnl_matches(&matches, &settled);
+            matched = Matched::new(&matches, &pnl);
+            refined = matched.fit(&self.scene, target_from_source, limits);
+        }
         let is_settled = matches!(refined.stop, Stop::SmallStep | Stop::NoDescent);
-        is_settled.then_some(Hypothesis { refined, matches, score: self.score, noise_scale })
+        let score = self.score;
+        let missing = MissingLines::default();
+        is_settled.then_some(Hypothesis { refined, matches, pnl, score, missing, noise_scale })
     }
 
     /// Matches under the gate, and moves to the pose that fits them.
@@ -241,16 +294,6 @@ impl<'a> Approach<'a> {
     }
 }
 
-/// Sensors noisier than this many times the model are not explained by it.
-pub const MAX_NOISE_SCALE: f64 = 2.5;
-
 fn indices(matches: &[Match]) -> Vec<usize> {
     matches.iter().map(|found| found.candidate).collect()
-}
-
-/// Ratio of the matches' median distance to that of the noise model (chi-square with four degrees of freedom: 3.36).
-fn excess_noise(matches: &[Match]) -> f64 {
-    let mut distances2: Vec<f64> = matches.iter().map(|found| found.distance2).collect();
-    distances2.sort_by(f64::total_cmp);
-    (distances2[distances2.len() / 2] / 3.36).sqrt()
 }

@@ -1,24 +1,28 @@
 //! The evidence: what each camera of the rig saw, prepared for voting, and which of it is new.
 //!
 //! The same physical line seen again from the same rig pose averages noise but is not new evidence: coincidences repeat with
-//! the frames. Of a frame set that repeats an earlier one only the lines that were not there before are kept.
+//! the frames. Of a frame set that repeats an earlier one only the lines that were not there before are kept. Memory is bounded; what
+//! stays is decided in `retention`.
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Unit, Vector3};
 
-use crate::geometry::{CameraView, LineObservation, SurfaceSample};
+use super::place::Place;
+use super::retention::{Coverage, keep_best_lines, superfluous};
+use crate::geometry::{CameraView, LineObservation, RayPoint, SurfaceSample};
 
-/// A line is where it was when its ends lie this close to the old one, across, px: about 2 degrees of rig rotation.
-const SAME_PLACE_ACROSS_PX: f64 = 20.0;
-/// ... and its direction this close, rad.
-const SAME_PLACE_ANGLE_RAD: f64 = 0.05;
-/// ... and its inverse depth within this share.
-const SAME_PLACE_DEPTH_RATIO: f64 = 0.1;
 /// A frame set repeats an old one when more than this share of its lines is where it was.
 const REPEATED_SHARE: f64 = 0.5;
 /// Sets kept of one rig pose: a scene may change before a standing rig, but flicker must not fill the memory.
 const MAX_SETS_PER_POSE: usize = 8;
+/// Of so many times the lines that are kept, the longest, a view's lines are chosen.
+const LINES_TO_CHOOSE_FROM: usize = 3;
 /// Of a repeated set fewer new lines than this, in each of two cameras, are flicker and not a changed scene.
 const MIN_NEW_LINES: usize = 3;
+
+/// Segments without depth kept per view, the longest: short ones match anything.
+const MAX_UNLIFTED_PER_VIEW: usize = 80;
+/// Segments whose place is kept per view, the longest: to know what a camera did not see.
+const MAX_OUTLINES_PER_VIEW: usize = 300;
 
 /// A lifted line prepared for voting.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,6 +105,10 @@ impl EvidenceLine {
 pub struct EvidenceView {
     /// Lifted lines, longest first.
     pub lines: Vec<EvidenceLine>,
+    /// Segments without depth, longest first; none in a set that repeats a rig pose.
+    pub unlifted: Vec<LineObservation>,
+    /// The ends of all segments, lifted or not and whether kept as a line or not, longest first: what is not here was not seen.
+    pub outlines: Vec<[RayPoint; 2]>,
     /// Coarse surfaces.
     pub surface: Vec<SurfaceSample>,
 }
@@ -114,6 +122,31 @@ pub struct EvidenceSet {
     id: u64,
     /// Number of the set whose rig pose this one repeats, or its own.
     pub repeats: u64,
+    /// Per camera, where its lines were, also those that were not kept.
+    places: Vec<Vec<Place>>,
+    /// What it adds to the whole.
+    pub(super) coverage: Coverage,
+}
+
+impl EvidenceSet {
+    /// A set of the best `max_lines` of each view; the other lines are remembered by their places.
+    fn new(mut views: Vec<Option<EvidenceView>>, (id, repeats): (u64, u64), max_lines: usize) -> Self {
+        let places = views.iter().map(places).collect();
+        views.iter_mut().flatten().for_each(|view| keep_best_lines(&mut view.lines, max_lines));
+        let coverage =
+            Coverage::of(views.iter().map(|view| view.as_ref().map_or(&[][..], |view| &view.lines)));
+        Self { views, id, repeats, places, coverage }
+    }
+
+    /// Lifted lines of one camera.
+    pub(super) fn n_lines(&self, camera: usize) -> usize {
+        self.views.get(camera).and_then(Option::as_ref).map_or(0, |view| view.lines.len())
+    }
+
+    /// Whether this set repeats the rig pose of another one.
+    pub(super) fn is_repeat_of(&self, other: &EvidenceSet) -> bool {
+        self.repeats == other.id && self.id != other.id
+    }
 }
 
 /// Everything the estimator keeps, in the order of arrival.
@@ -128,9 +161,9 @@ pub struct Evidence {
 /// Bounds on what is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EvidenceLimits {
-    /// Lifted lines kept per view, the longest.
+    /// Lifted lines kept per view, the most informative.
     pub max_lines_per_view: usize,
-    /// Frame sets kept; those of the oldest rig pose go first.
+    /// Frame sets kept, the most informative.
     pub max_sets: usize,
 }
 
@@ -140,103 +173,111 @@ impl Evidence {
         Self { sets: Vec::new(), next_id: 0, limits }
     }
 
-    /// Takes what is new of a frame set; says whether at least two cameras brought something.
+    /// Takes what is new of a frame set; says whether at least two cameras brought something that is worth keeping.
     pub fn add(&mut self, views: &[Option<CameraView>]) -> bool {
-        let mut set = EvidenceSet {
-            views: views.iter().map(|view| view.as_ref().map(|view| self.prepare(view))).collect(),
-            id: self.next_id,
-            repeats: self.next_id,
-        };
-        let old =
-            self.sets.iter().find(|old| old.repeats == old.id && share_in_place(&set, old) > REPEATED_SHARE);
+        let mut views: Vec<_> =
+            views.iter().map(|view| view.as_ref().map(|view| self.prepare(view))).collect();
+        let all_places: Vec<_> = views.iter().map(places).collect();
+        let old = self
+            .sets
+            .iter()
+            .find(|old| old.repeats == old.id && share_in_place(&all_places, old) > REPEATED_SHARE);
         let mut min_lines = 1;
-        if let Some(old) = old {
-            set.repeats = old.id;
+        let repeats = old.map_or(self.next_id, |old| old.id);
+        if old.is_some() {
             min_lines = MIN_NEW_LINES;
-            let same_pose: Vec<_> = self.sets.iter().filter(|known| known.repeats == old.id).collect();
+            let same_pose: Vec<_> = self.sets.iter().filter(|known| known.repeats == repeats).collect();
             if same_pose.len() >= MAX_SETS_PER_POSE {
                 return false;
             }
-            same_pose.iter().for_each(|known| drop_known(&mut set, known));
+            same_pose.iter().for_each(|known| drop_known(&mut views, known));
+            // Whether one without depth was there before is hard to say.
+            views.iter_mut().flatten().for_each(|view| view.unlifted.clear());
         }
-        let is_new = set.views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() >= 2;
+        if views.iter().flatten().filter(|view| view.lines.len() >= min_lines).count() < 2 {
+            return false;
+        }
+        self.keep(EvidenceSet::new(views, (self.next_id, repeats), self.limits.max_lines_per_view))
+    }
+
+    /// Takes a frame set for watching: the newest sight of a rig pose takes the place of the older ones, which may show the cameras
+    /// as they stood before. Kept are `max_sets`, and none beyond `max_age` sets. Says whether two cameras brought something.
+    pub fn refresh(&mut self, views: &[Option<CameraView>], max_age: u64) -> bool {
+        let views: Vec<_> = views.iter().map(|view| view.as_ref().map(|view| self.prepare(view))).collect();
+        let set = EvidenceSet::new(views, (self.next_id, self.next_id), self.limits.max_lines_per_view);
+        self.next_id += 1;
+        let is_new = set.views.iter().flatten().filter(|view| view.lines.len() >= MIN_NEW_LINES).count() >= 2;
         if is_new {
-            if self.sets.len() >= self.limits.max_sets && !self.forget_oldest_pose_but(set.repeats) {
-                return false;
-            }
+            let is_kept = |old: &EvidenceSet| {
+                set.id - old.id < max_age && share_in_place(&set.places, old) <= REPEATED_SHARE
+            };
+            self.sets.retain(is_kept);
+            let too_many = (self.sets.len() + 1).saturating_sub(self.limits.max_sets);
+            self.sets.drain(..too_many);
             self.sets.push(set);
-            self.next_id += 1;
         }
         is_new
     }
 
-    /// Forgets the oldest rig pose other than the given one; whether there was one. All sets of a pose go together: without its
-    /// first set the others would not be known as repetitions.
-    fn forget_oldest_pose_but(&mut self, kept: u64) -> bool {
-        let oldest = self.sets.iter().map(|set| set.repeats).find(|pose| *pose != kept);
-        if let Some(oldest) = oldest {
-            self.sets.retain(|set| set.repeats != oldest);
+    /// Keeps a new set and drops what has become superfluous by it; whether the new set stays.
+    fn keep(&mut self, set: EvidenceSet) -> bool {
+        self.sets.push(set);
+        let superfluous = superfluous(&self.sets, &self.limits);
+        if superfluous.contains(&(self.sets.len() - 1)) {
+            self.sets.pop();
+            return false;
         }
-        oldest.is_some()
+        let mut idx = 0;
+        self.sets.retain(|_| {
+            idx += 1;
+            !superfluous.contains(&(idx - 1))
+        });
+        self.next_id += 1;
+        true
     }
 
     fn prepare(&self, view: &CameraView) -> EvidenceView {
-        let lines = view.lines.iter().filter_map(EvidenceLine::try_new).take(self.limits.max_lines_per_view);
-        EvidenceView { lines: lines.collect(), surface: view.surface.clone() }
+        let max_lines = LINES_TO_CHOOSE_FROM * self.limits.max_lines_per_view;
+        let lines = view.lines.iter().filter_map(EvidenceLine::try_new).take(max_lines);
+        let unlifted = view.lines.iter().filter(|line| line.depth.is_none()).take(MAX_UNLIFTED_PER_VIEW);
+        let outlines = view.lines.iter().map(|line| line.ends).take(MAX_OUTLINES_PER_VIEW);
+        EvidenceView {
+            lines: lines.collect(),
+            unlifted: unlifted.copied().collect(),
+            outlines: outlines.collect(),
+            surface: view.surface.clone(),
+        }
     }
 }
 
+fn places(view: &Option<EvidenceView>) -> Vec<Place> {
+    view.iter().flat_map(|view| &view.lines).filter_map(|line| Place::try_new(&line.observation)).collect()
+}
+
 /// Share of the lines of a set that lie where the same camera saw a line in an old set.
-fn share_in_place(set: &EvidenceSet, old: &EvidenceSet) -> f64 {
+fn share_in_place(places: &[Vec<Place>], old: &EvidenceSet) -> f64 {
     let (mut in_place, mut all) = (0_usize, 0_usize);
-    for (view, old_view) in set.views.iter().zip(&old.views) {
-        let (Some(view), Some(old_view)) = (view, old_view) else { continue };
-        all += view.lines.len();
-        in_place += view.lines.iter().filter(|line| is_known(line, old_view)).count();
+    for ((places, old_places), old_view) in places.iter().zip(&old.places).zip(&old.views) {
+        if places.is_empty() || old_view.is_none() {
+            continue;
+        }
+        all += places.len();
+        in_place += places.iter().filter(|place| is_known(place, old_places)).count();
     }
     in_place as f64 / all.max(1) as f64
 }
 
-fn drop_known(set: &mut EvidenceSet, known: &EvidenceSet) {
-    for (view, known_view) in set.views.iter_mut().zip(&known.views) {
-        if let (Some(view), Some(known_view)) = (view, known_view) {
-            view.lines.retain(|line| !is_known(line, known_view));
+fn drop_known(views: &mut [Option<EvidenceView>], known: &EvidenceSet) {
+    for (view, known_places) in views.iter_mut().zip(&known.places) {
+        if let Some(view) = view {
+            let is_new = |line: &EvidenceLine| {
+                Place::try_new(&line.observation).is_some_and(|place| !is_known(&place, known_places))
+            };
+            view.lines.retain(is_new);
         }
     }
 }
 
-fn is_known(line: &EvidenceLine, view: &EvidenceView) -> bool {
-    view.lines.iter().any(|known| same_place(&known.observation, &line.observation))
-}
-
-/// Whether two observations of one camera lie on the same image line at the same depth, and overlap.
-fn same_place(a: &LineObservation, b: &LineObservation) -> bool {
-    let (Some(depth_a), Some(depth_b)) = (a.depth, b.depth) else { return false };
-    let (a0, a1) = (a.segment.start, a.segment.end);
-    let (length, b_length) = (a.segment.length_px(), b.segment.length_px());
-    if length < 1.0 || b_length < 1.0 {
-        return false;
-    }
-    let along = ((a1.x - a0.x) / length, (a1.y - a0.y) / length);
-    let b_along =
-        ((b.segment.end.x - b.segment.start.x) / b_length, (b.segment.end.y - b.segment.start.y) / b_length);
-    if (along.0 * b_along.1 - along.1 * b_along.0).abs() > SAME_PLACE_ANGLE_RAD
-        || along.0 * b_along.0 + along.1 * b_along.1 < 0.0
-    {
-        return false;
-    }
-    let position = |x: f64, y: f64| {
-        let (dx, dy) = (x - a0.x, y - a0.y);
-        (dx * along.0 + dy * along.1, dy * along.0 - dx * along.1)
-    };
-    let (from, across_start) = position(b.segment.start.x, b.segment.start.y);
-    let (to, across_end) = position(b.segment.end.x, b.segment.end.y);
-    let overlap = to.min(length) - from.max(0.0);
-    if across_start.abs().max(across_end.abs()) > SAME_PLACE_ACROSS_PX || overlap < 0.5 * length.min(b_length)
-    {
-        return false;
-    }
-    let mean = |per_m: [f64; 2]| 0.5 * (per_m[0] + per_m[1]);
-    let (a_per_m, b_per_m) = (mean(depth_a.inverse_depth_per_m), mean(depth_b.inverse_depth_per_m));
-    (a_per_m - b_per_m).abs() < SAME_PLACE_DEPTH_RATIO * a_per_m.abs()
+fn is_known(place: &Place, known: &[Place]) -> bool {
+    known.iter().any(|known| known.is_same(place))
 }

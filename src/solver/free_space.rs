@@ -62,14 +62,15 @@ pub fn free_space(pair: &PairEvidence<'_>, cameras: &[Camera], target_from_sourc
 }
 
 /// The nearest surface per cell of an image, inverse depth in 1/m; 0 where there is no sample.
-struct NearestSurface {
+pub struct NearestSurface {
     columns: usize,
     rows: usize,
     inverse_depths_per_m: Vec<f64>,
 }
 
 impl NearestSurface {
-    fn new(camera: &Camera, samples: &[SurfaceSample]) -> Self {
+    /// Puts samples into cells.
+    pub fn new(camera: &Camera, samples: &[SurfaceSample]) -> Self {
         let columns = (f64::from(camera.width_px()) / CELL_PX).ceil() as usize + 1;
         let rows = (f64::from(camera.height_px()) / CELL_PX).ceil() as usize + 1;
         let mut nearest = Self { columns, rows, inverse_depths_per_m: vec![0.0; columns * rows] };
@@ -87,7 +88,7 @@ impl NearestSurface {
     }
 
     /// The nearest surface in and around a pixel's cell: a step of depth beside the pixel is no contradiction.
-    fn around(&self, pixel: PixelPoint) -> Option<f64> {
+    pub fn around(&self, pixel: PixelPoint) -> Option<f64> {
         let (column, row) = self.cell(pixel);
         let mut nearest_per_m = 0.0_f64;
         for y in row.saturating_sub(1)..=(row + 1).min(self.rows - 1) {

@@ -172,7 +172,7 @@ impl System {
 ///
 /// With `R = R_tᵀ R_s` and `t = R_tᵀ (t_s - t_t)`: a source step turns into `R_tᵀ` times itself; a target step into minus that,
 /// plus `R_tᵀ [t_s - t_t]x dr` of translation.
-fn d_pair_step_d_steps(from_target: &Motion, from_source: &Motion) -> [Matrix6<f64>; 2] {
+pub fn d_pair_step_d_steps(from_target: &Motion, from_source: &Motion) -> [Matrix6<f64>; 2] {
     let turn_back = from_target.rotation.inverse().to_rotation_matrix().into_inner();
     let mut by_source = Matrix6::zeros();
     by_source.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn_back);

@@ -81,7 +81,7 @@ pub fn descend(start: &Motion, max_steps: usize, system_at: impl Fn(&Motion) -> 
 }
 
 /// `H step = -g` of the robust cost at one pose.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct NormalEquations {
     /// Robust cost.
     pub cost: f64,
@@ -130,6 +130,15 @@ impl NormalEquations {
     pub fn scaled(self, factor: f64) -> Self {
         let Self { cost, information, gradient } = self;
         Self { cost: cost * factor, information: information * factor, gradient: gradient * factor }
+    }
+
+    /// Those of both sums of matches together.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            cost: self.cost + other.cost,
+            information: self.information + other.information,
+            gradient: self.gradient + other.gradient,
+        }
     }
 
     /// The step to the minimum of the quadratic model, shortened by the damping; `None` when the matches fix no pose.

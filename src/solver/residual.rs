@@ -5,7 +5,9 @@
 //! line's, carried over; to first order this is the maximum-likelihood estimate with the line itself eliminated. A target without
 //! depth (the paper's PnL case) measures the two offsets alone.
 
-use nalgebra::{Matrix2, Matrix2x6, Matrix3, Matrix4, Matrix4x6, Point3, SMatrix, Vector2, Vector3, Vector4};
+use nalgebra::{
+    Matrix2, Matrix2x6, Matrix3, Matrix4, Matrix4x6, Matrix6, Point3, SMatrix, Vector2, Vector3, Vector4,
+};
 
 use super::evidence::EvidenceLine;
 use crate::geometry::LineObservation;
@@ -31,6 +33,10 @@ pub struct OffsetResidual {
     pub d_residual_d_pose: Matrix2x6<f64>,
     /// Covariance of the residual from both lines' measurement noise.
     pub covariance: Matrix2<f64>,
+    /// Inverse depths that the line would have at the segment's ends, 1/m; negative behind the camera.
+    pub inverse_depth_per_m: [f64; 2],
+    /// Whether the line's image runs the same way as the segment, each with its brighter side on the right.
+    pub is_same_way: bool,
 }
 
 /// Compares `source`, moved by `target_from_source`, with `target`. `None` where the moved line passes (nearly) through the
@@ -67,7 +73,34 @@ pub fn offset_residual(
         residual: carried.residual.fixed_rows::<2>(0).into_owned(),
         d_residual_d_pose: carried.d_residual_d_pose.fixed_rows::<2>(0).into_owned(),
         covariance: carried.covariance.fixed_view::<2, 2>(0, 0).into_owned(),
+        inverse_depth_per_m: [predicted.values[2], predicted.values[3]],
+        is_same_way: moved.runs_as(target),
     })
+}
+
+/// The reversed role: compares `target`, moved into the source, with a segment of the source that has no depth. The derivative
+/// is still by a step of `target_from_source`; the rest is seen from the source. `None` as in [`match_residual`].
+pub fn reversed_offset_residual(
+    target: &EvidenceLine,
+    source: &LineObservation,
+    target_from_source: &Motion,
+) -> Option<OffsetResidual> {
+    let mut found = offset_residual(source, target, &target_from_source.inverse())?;
+    found.d_residual_d_pose *= d_inverse_step_d_step(target_from_source);
+    Some(found)
+}
+
+/// How a step of the inverse motion follows from a step of the motion.
+///
+/// `R' = Rᵀ` and `t' = -Rᵀ t`: a turn `exp(dr) R` turns the inverse by `-Rᵀ dr`, and with `t + dt` moves it by
+/// `-Rᵀ dt - Rᵀ [t]x dr`.
+fn d_inverse_step_d_step(motion: &Motion) -> Matrix6<f64> {
+    let turn_back = -motion.rotation.inverse().to_rotation_matrix().into_inner();
+    let mut derivative = Matrix6::zeros();
+    derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn_back);
+    derivative.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn_back);
+    derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turn_back * hat(&motion.translation.vector)));
+    derivative
 }
 
 /// The source line in the target's frame.
@@ -85,6 +118,14 @@ impl<'a> Moved<'a> {
         let turned_m = source.ends_m.map(|end_m| rotation * end_m.coords);
         let ends_m = turned_m.map(|turned_m| Point3::from(turned_m + target_from_source.translation.vector));
         Self { source, rotation, turned_m, ends_m }
+    }
+
+    /// Whether the line's image runs the same way as a segment, where both are in front of the camera.
+    fn runs_as(&self, target: &LineObservation) -> bool {
+        let moment = self.ends_m[0].coords.cross(&self.ends_m[1].coords);
+        let [start, end] = target.ends;
+        // The image line m.u = 0 runs along (m_y, -m_x) from the first end to the second.
+        (end.x - start.x) * moment.y - (end.y - start.y) * moment.x > 0.0
     }
 
     /// Derivatives by the pose and the covariance, from those by the two moved end points.
@@ -173,4 +214,4 @@ impl Predicted {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -53,11 +53,13 @@ pub enum ReasonCode {
     OneCamera,
     /// No camera delivered a line.
     NoLines,
+    /// With this pose, lines that one camera sees should be seen by the other and are not.
+    MissingLines,
 }
 
 impl ReasonCode {
     /// Every code, in the order of the wire format.
-    pub const ALL: [ReasonCode; 9] = [
+    pub const ALL: [ReasonCode; 10] = [
         ReasonCode::NotEnoughEvidence,
         ReasonCode::RunnerUpTooClose,
         ReasonCode::AxisUnobservable,
@@ -67,6 +69,7 @@ impl ReasonCode {
         ReasonCode::LoopInconsistent,
         ReasonCode::OneCamera,
         ReasonCode::NoLines,
+        ReasonCode::MissingLines,
     ];
 
     /// The name in files and on the wire.
@@ -81,6 +84,7 @@ impl ReasonCode {
             ReasonCode::LoopInconsistent => "loop_inconsistent",
             ReasonCode::OneCamera => "one_camera",
             ReasonCode::NoLines => "no_lines",
+            ReasonCode::MissingLines => "missing_lines",
         }
     }
 }
@@ -99,7 +103,8 @@ pub struct Reason {
 pub struct CameraPose {
     /// The camera's frame in the reference camera's frame.
     pub reference_from_camera: Motion,
-    /// Covariance of a step `t + dt`, `exp(dr) R`, ordered x y z rx ry rz, m and rad.
+    /// Covariance of a step `t + dt`, `exp(dr) R`: both in the axes of the reference camera, ordered x y z rx ry rz (REP-103), m
+    /// and rad.
     pub covariance: Matrix6<f64>,
 }
 
@@ -110,7 +115,7 @@ pub struct PairEstimate {
     pub target: usize,
     /// Index of the source camera.
     pub source: usize,
-    /// The verdict on this pair alone.
+    /// The verdict on this pair: its own, or failed when it is part of a loop of pairs that does not close.
     pub state: State,
     /// Why it is not converged.
     pub reason: Option<Reason>,
@@ -120,8 +125,10 @@ pub struct PairEstimate {
     pub matches: usize,
     /// Of these, lifted on both sides.
     pub full: usize,
-    /// Of these, lifted on one side only; the consensus estimator uses none.
+    /// Of these, lifted on one side only.
     pub pnl: usize,
+    /// How many times the score of the best really different pose the best one has; `None` without any other, or with no pose.
+    pub lead: Option<f64>,
     /// Root mean square distance of the target segment's ends from the predicted line, px.
     pub residual_px: f64,
     /// Root mean square distance between the lines at the target segment's ends, m.
@@ -144,4 +151,40 @@ pub struct RigCalibration {
     pub pairs: Vec<PairEstimate>,
     /// Frame sets that were taken into account.
     pub frame_sets_used: usize,
+}
+
+impl RigCalibration {
+    /// Of a camera without a pose, the pair that is nearest to giving it one: with most matches among those between the cameras
+    /// that have a pose and the camera with all that converged pairs fix to it. Its reason says what is missing. `None` for a
+    /// camera that has a pose.
+    pub fn missing_link(&self, camera: usize) -> Option<&PairEstimate> {
+        let has_pose = |camera: usize| self.cameras.get(camera).is_some_and(Option::is_some);
+        if has_pose(camera) {
+            return None;
+        }
+        let group = self.fixed_to(camera);
+        let links = |pair: &&PairEstimate| {
+            let [a, b] = [pair.target, pair.source];
+            pair.reason.is_some()
+                && ((group.contains(&a) && has_pose(b)) || (group.contains(&b) && has_pose(a)))
+        };
+        self.pairs.iter().filter(links).max_by_key(|pair| pair.matches)
+    }
+
+    /// A camera and all that converged pairs fix to it.
+    fn fixed_to(&self, camera: usize) -> Vec<usize> {
+        let mut group = vec![camera];
+        let mut next = 0;
+        while let Some(&here) = group.get(next) {
+            for pair in self.pairs.iter().filter(|pair| pair.state == State::Converged) {
+                for (from, to) in [(pair.target, pair.source), (pair.source, pair.target)] {
+                    if from == here && !group.contains(&to) {
+                        group.push(to);
+                    }
+                }
+            }
+            next += 1;
+        }
+        group
+    }
 }

@@ -2,13 +2,12 @@
 
 use super::association::Scene;
 use super::candidates::PairEvidence;
-use super::consensus::{RankLimits, Ranked, Ranking, rank_poses};
+use super::consensus::{RankLimits, Ranked, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
-use super::joint::{Edge, JointPoses, solve_joint};
-use super::refine::NormalEquations;
+use super::joint::JointPoses;
+use super::pair_graph::{JudgedPair, distrust_open_loops, join};
 use super::result::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
 use super::verdict::{Bench, VerdictLimits, judge, residuals};
-use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use crate::geometry::{Camera, CameraView};
 
 /// Limits of the estimate.
@@ -32,11 +31,6 @@ impl Default for EstimateOptions {
     }
 }
 
-/// A loop of pairs may miss by this much before a pair is suspected, rad: the bound of a good rig (0.3 degrees).
-const MAX_LOOP_RAD: f64 = 0.0052;
-/// See [`MAX_LOOP_RAD`]; m.
-const MAX_LOOP_M: f64 = 0.010;
-
 /// One camera of the rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigCamera {
@@ -55,12 +49,6 @@ pub struct RigEstimator {
     evidence: Evidence,
     /// Per camera, whether it ever saw a lifted line.
     has_lines: Vec<bool>,
-}
-
-/// A pair after ranking and verdict.
-struct JudgedPair {
-    estimate: PairEstimate,
-    ranking: Option<Ranking>,
 }
 
 impl RigEstimator {
@@ -99,8 +87,9 @@ impl RigEstimator {
                 pairs.push(self.judge_pair((target, source), keep_going));
             }
         }
-        let joint = self.join(&pairs);
-        let reason = self.rig_reason(&pairs, &joint);
+        let open_loops = distrust_open_loops(&mut pairs, &self.names);
+        let joint = join(&self.evidence, n_cameras, &pairs);
+        let reason = self.rig_reason(&pairs, (&joint, open_loops));
         let state = reason.as_ref().map_or(State::Converged, |(state, _)| *state);
         let cameras = joint
             .poses
@@ -132,6 +121,7 @@ impl RigEstimator {
             matches: 0,
             full: 0,
             pnl: 0,
+            lead: None,
             residual_px: 0.0,
             residual_m: 0.0,
         };
@@ -144,7 +134,8 @@ impl RigEstimator {
         let ranking = match rank_poses(pair, &limits) {
             Ranked::Poses(ranking) => *ranking,
             Ranked::None(no_pose) => {
-                estimate.reason = Some(no_pose.reason());
+                let blind = self.blindness(target).or_else(|| self.blindness(source));
+                estimate.reason = Some(blind.unwrap_or_else(|| no_pose.reason()));
                 return JudgedPair { estimate, ranking: None };
             }
         };
@@ -154,87 +145,60 @@ impl RigEstimator {
         (estimate.state, estimate.reason) = judge(&bench);
         let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);
-        estimate.matches = ranking.best.matches.len();
-        estimate.full = estimate.matches;
+        estimate.full = ranking.best.matches.len();
+        estimate.pnl = ranking.best.pnl.len();
+        estimate.matches = ranking.best.n_matches();
+        estimate.lead = ranking.runner_up.as_ref().map(|other| ranking.best.score / other.score);
         estimate.residual_px = offset * self.cameras[target].mean_focal_px();
         estimate.residual_m = distance_m;
         JudgedPair { estimate, ranking: Some(ranking) }
     }
 
-    /// Joins the converged pairs.
-    fn join(&self, pairs: &[JudgedPair]) -> JointPoses {
-        let edges: Vec<Edge<'_>> = pairs.iter().filter_map(|pair| self.edge(pair)).collect();
-        solve_joint(self.cameras.len(), 0, &edges)
-    }
-
-    fn edge<'a>(&'a self, pair: &'a JudgedPair) -> Option<Edge<'a>> {
-        let PairEstimate { target, source, state, .. } = pair.estimate;
-        let ranking = pair.ranking.as_ref().filter(|_| state == State::Converged)?;
-        let evidence = PairEvidence { evidence: &self.evidence, target, source };
-        let scene = Scene { pair: evidence, candidates: &ranking.candidates };
-        let best = &ranking.best;
-        let matches: Vec<usize> = best.matches.iter().map(|found| found.candidate).collect();
-        let noise_scale = best.noise_scale;
-        Some(Edge {
-            target,
-            source,
-            target_from_source: best.refined.target_from_source,
-            score: best.score,
-            equations: Box::new(move |pose: &Motion| {
-                // As in the verdict on the pair: excess noise does not average out.
-                NormalEquations::at(&scene, &matches, pose, noise_scale).scaled(noise_scale.powi(-2))
-            }),
-        })
-    }
-
     /// Why the rig as a whole is not converged; `None` when it is.
-    fn rig_reason(&self, pairs: &[JudgedPair], joint: &JointPoses) -> Option<(State, Reason)> {
-        let object = |state, code, sentence: String| Some((state, Reason { code, sentence }));
-        if self.cameras.len() < 2 {
+    fn rig_reason(
+        &self,
+        pairs: &[JudgedPair],
+        (joint, open_loops): (&JointPoses, Option<Reason>),
+    ) -> Option<(State, Reason)> {
+        if self.names.len() < 2 {
             let sentence =
                 "a rig of one camera has nothing to calibrate: give at least two cameras".to_owned();
-            return object(State::Failed, ReasonCode::OneCamera, sentence);
+            return Some((State::Failed, Reason { code: ReasonCode::OneCamera, sentence }));
         }
-        if let Some(blind) = self.has_lines.iter().position(|has_lines| !has_lines) {
-            let sentence = format!(
-                "{} saw no straight edge with depth: check its lighting, exposure, lens cover, and that depth is \
-                 registered to colour",
-                self.names[blind]
-            );
-            return object(State::Collecting, ReasonCode::NoLines, sentence);
+        if let Some(blind) = (0..self.names.len()).find_map(|camera| self.blindness(camera)) {
+            return Some((State::Collecting, blind));
         }
-        if let Some(sentence) = self.loop_miss(pairs, joint) {
-            return object(State::Failed, ReasonCode::LoopInconsistent, sentence);
+        if let Some(reason) = open_loops {
+            return Some((State::Failed, reason));
         }
-        // Of the pairs that could connect another camera to the reference, none of which has converged, the one with most
-        // evidence tells best what is missing. There is none when every camera has its pose.
+        let missing = joint.poses.iter().position(Option::is_none)?;
+        // Of the pairs that could connect another camera to the reference, none of which is trusted, the one with most evidence
+        // tells best what is missing.
         let has_pose = |camera: usize| joint.poses[camera].is_some();
-        let joining =
-            pairs.iter().filter(|pair| has_pose(pair.estimate.target) != has_pose(pair.estimate.source));
-        let estimate = &joining.max_by_key(|pair| pair.estimate.matches)?.estimate;
-        let reason = estimate.reason.clone()?;
-        let (target, source) = (&self.names[estimate.target], &self.names[estimate.source]);
-        object(estimate.state, reason.code, format!("{source} from {target}: {}", reason.sentence))
+        let told =
+            pairs.iter().map(|pair| &pair.estimate).filter_map(|pair| Some((pair, pair.reason.as_ref()?)));
+        let joining = told.filter(|(pair, _)| has_pose(pair.target) != has_pose(pair.source));
+        let Some((pair, reason)) = joining.max_by_key(|(pair, _)| pair.matches) else {
+            let sentence = format!(
+                "the lines of all pairs together do not fix {}: show edges in other directions",
+                self.names[missing]
+            );
+            return Some((State::Degenerate, Reason { code: ReasonCode::AxisUnobservable, sentence }));
+        };
+        let (target, source) = (&self.names[pair.target], &self.names[pair.source]);
+        Some((
+            pair.state,
+            Reason { code: reason.code, sentence: format!("{source} from {target}: {}", reason.sentence) },
+        ))
     }
 
-    /// Says which converged pair disagrees with the joint poses by more than a good rig allows.
-    fn loop_miss(&self, pairs: &[JudgedPair], joint: &JointPoses) -> Option<String> {
-        let converged = pairs.iter().filter(|pair| pair.estimate.state == State::Converged);
-        let misses = converged.filter_map(|pair| {
-            let estimate = &pair.estimate;
-            let joined = joint.poses[estimate.target]?.inverse() * joint.poses[estimate.source]?;
-            let own = estimate.target_from_source?;
-            let (angle_rad, distance_m) = (rotation_gap_rad(&joined, &own), translation_gap_m(&joined, &own));
-            (angle_rad > MAX_LOOP_RAD || distance_m > MAX_LOOP_M).then_some((estimate, angle_rad, distance_m))
-        });
-        let (estimate, angle_rad, distance_m) = misses.max_by(|a, b| a.2.total_cmp(&b.2))?;
-        Some(format!(
-            "the pairs do not close around the rig: {} and {} miss by {:.2} deg and {:.1} mm; check that all cameras are \
-         fixed to each other and recalibrate",
-            self.names[estimate.target],
-            self.names[estimate.source],
-            angle_rad.to_degrees(),
-            1e3 * distance_m
-        ))
+    /// Why a camera never can have a place with what it saw so far.
+    fn blindness(&self, camera: usize) -> Option<Reason> {
+        let sentence = format!(
+            "{} saw no straight edge with depth: check its lighting, exposure, lens cover, and that depth is registered to \
+             colour",
+            self.names[camera]
+        );
+        (!self.has_lines[camera]).then_some(Reason { code: ReasonCode::NoLines, sentence })
     }
 }

@@ -37,6 +37,8 @@ pub struct TranslationLine {
     pub point_m: Vector3<f64>,
     /// Unit direction of the line.
     pub direction: Vector3<f64>,
+    /// Whether both lines run the same way, each with its brighter side on the right.
+    pub is_same_way: bool,
     /// Standard deviation across the line at `point_m`, m.
     pub sigma_position_m: f64,
     /// Growth of that deviation per metre along the line.
@@ -76,6 +78,7 @@ pub fn translation_lines(
             candidate: idx,
             point_m: candidate.target_middle_m - rotation * candidate.source_middle_m,
             direction,
+            is_same_way: direction.dot(&candidate.target_direction) > 0.0,
             sigma_position_m: candidate.sigma_position_m,
             sigma_angle_rad: candidate.sigma_angle_rad,
         });
@@ -179,23 +182,30 @@ impl TranslationGrid {
     /// Cells with more votes than their neighbours, strongest first.
     fn strongest(&self, max_peaks: usize) -> Vec<Vector3<f64>> {
         let least = 0.3 * self.votes.iter().copied().fold(0.0_f32, f32::max);
+        let steps = self.steps_to_neighbours();
         let mut peaks: Vec<usize> =
-            (0..self.votes.len()).filter(|&i| self.votes[i] > least && self.is_peak(i)).collect();
+            (0..self.votes.len()).filter(|&i| self.votes[i] > least && self.is_peak(i, &steps)).collect();
         peaks.sort_by(|&a, &b| self.votes[b].total_cmp(&self.votes[a]).then(a.cmp(&b)));
         peaks.truncate(max_peaks);
         let place_m = |index: usize| Vector3::from(self.cell(index).map(|place| place as f64 * self.cell_m));
         peaks.into_iter().map(place_m).collect()
     }
 
-    /// Whether no neighbour has more votes; of equal neighbours the first counts.
-    fn is_peak(&self, index: usize) -> bool {
-        let [x, y, z] = self.cell(index);
-        let mut steps =
-            (-1..=1).flat_map(|dx| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dz| [dx, dy, dz])));
-        steps.all(|[dx, dy, dz]| match self.index([x + dx, y + dy, z + dz]) {
-            Some(other) if other < index => self.votes[other] < self.votes[index],
-            Some(other) => self.votes[other] <= self.votes[index],
-            None => true,
+    /// Steps of the index to the 13 neighbours that come later; the earlier ones lie as far the other way.
+    fn steps_to_neighbours(&self) -> Vec<usize> {
+        let side = 2 * self.half_cells + 1;
+        let steps = (0..27).map(|k| (k / 9 - 1) * side * side + (k / 3 % 3 - 1) * side + k % 3 - 1);
+        steps.filter(|&step| step > 0).map(|step| step as usize).collect()
+    }
+
+    /// Whether no neighbour has more votes; of equal neighbours the first counts. At the border of the grid the neighbours are
+    /// those across it, which is as good there: no camera stands at the largest baseline by chance.
+    fn is_peak(&self, index: usize, steps: &[usize]) -> bool {
+        let votes = self.votes[index];
+        steps.iter().all(|step| {
+            let before = index.checked_sub(*step).map_or(0.0, |before| self.votes[before]);
+            let after = self.votes.get(index + step).copied().unwrap_or(0.0);
+            before < votes && after <= votes
         })
     }
 }

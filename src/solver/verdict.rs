@@ -7,10 +7,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::association::{Match, Scene};
+use super::association::Scene;
 use super::axes::{in_words, worst_axis};
-use super::consensus::{Hypothesis, MAX_NOISE_SCALE, Ranking};
-use super::refine::{Refined, TO_THE_MINIMUM, refine};
+use super::consensus::{Hypothesis, Ranking};
+use super::noise::{MAX_NOISE_SCALE, covariance};
+use super::pnl::Matched;
+use super::refine::{Refined, TO_THE_MINIMUM};
 use super::result::{Reason, ReasonCode, State};
 use crate::geometry::motion::{rotation_gap_rad, translation_gap_m};
 
@@ -27,6 +29,10 @@ pub struct VerdictLimits {
     pub min_lead: f64,
     /// ... and that of poses nearby, which share many matches, by this.
     pub min_lead_nearby: f64,
+    /// ... and that of poses that cannot be, by this: what coincidence reaches there it could reach here.
+    pub min_lead_impossible: f64,
+    /// Largest share of the lines in plain sight of the other camera that may be missing there.
+    pub max_missing_lines: f64,
     /// Largest standard deviation of the translation in its worst direction, m.
     pub max_sigma_translation_m: f64,
     /// Largest standard deviation of the rotation about its worst axis, rad.
@@ -43,6 +49,8 @@ impl Default for VerdictLimits {
             min_matches_elsewhere: 6,
             min_lead: 1.4,
             min_lead_nearby: 1.25,
+            min_lead_impossible: 1.2,
+            max_missing_lines: 0.3,
             max_sigma_translation_m: 0.003,
             max_sigma_rotation_rad: 0.0022,
             max_free_space_violated: 0.15,
@@ -65,7 +73,7 @@ pub struct Bench<'a> {
 
 /// Judges the best pose of a ranking: `Converged` without a reason, or another state with one.
 pub fn judge(bench: &Bench<'_>) -> (State, Option<Reason>) {
-    let checks = [evidence, lead, residual, observability, halves];
+    let checks = [evidence, missing, lead, residual, observability, halves];
     match checks.iter().find_map(|check| check(bench)) {
         Some((state, reason)) => (state, Some(reason)),
         None => (State::Converged, None),
@@ -78,10 +86,11 @@ fn object(state: State, code: ReasonCode, sentence: String) -> Objection {
     Some((state, Reason { code, sentence }))
 }
 
-/// Number of matches per rig pose from which they were seen.
-fn matches_by_view(scene: &Scene<'_>, matches: &[Match]) -> BTreeMap<u64, usize> {
+/// Number of matches per rig pose from which they were seen. Those lifted on one side only do not count: they were looked for under
+/// the pose, and many agree with any.
+fn matches_by_view(scene: &Scene<'_>, best: &Hypothesis) -> BTreeMap<u64, usize> {
     let mut counts = BTreeMap::new();
-    for found in matches {
+    for found in &best.matches {
         let set = &scene.pair.evidence.sets[scene.candidates[found.candidate].set as usize];
         *counts.entry(set.repeats).or_insert(0) += 1;
     }
@@ -89,8 +98,8 @@ fn matches_by_view(scene: &Scene<'_>, matches: &[Match]) -> BTreeMap<u64, usize>
 }
 
 fn evidence(bench: &Bench<'_>) -> Objection {
-    let by_view = matches_by_view(&bench.scene, &bench.ranking.best.matches);
-    let (n, views) = (bench.ranking.best.matches.len(), by_view.len());
+    let by_view = matches_by_view(&bench.scene, &bench.ranking.best);
+    let (n, views) = (by_view.values().sum::<usize>(), by_view.len());
     let elsewhere = n - by_view.values().max().copied().unwrap_or(0);
     let VerdictLimits { min_matches, min_views, min_matches_elsewhere, .. } = bench.limits;
     if n >= min_matches && views >= min_views && elsewhere >= min_matches_elsewhere {
@@ -104,9 +113,29 @@ fn evidence(bench: &Bench<'_>) -> Objection {
     object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence)
 }
 
+fn missing(bench: &Bench<'_>) -> Objection {
+    let missing = bench.ranking.best.missing;
+    if !missing.is_too_much(bench.limits.max_missing_lines) {
+        return None;
+    }
+    let sentence = format!(
+        "with the best pose {} of {} lines in plain sight of the other camera are missing there ({:.0} %; allowed are {:.0} %): \
+         show more edges in other directions and places, and check that both cameras are in focus and well exposed",
+        missing.missing,
+        missing.expected,
+        100.0 * missing.share(),
+        100.0 * bench.limits.max_missing_lines
+    );
+    object(State::Collecting, ReasonCode::MissingLines, sentence)
+}
+
 fn lead(bench: &Bench<'_>) -> Objection {
-    let Ranking { best, neighbour, runner_up, .. } = bench.ranking;
-    let limits = [(runner_up, bench.limits.min_lead), (neighbour, bench.limits.min_lead_nearby)];
+    let Ranking { best, neighbour, runner_up, impossible, .. } = bench.ranking;
+    let limits = [
+        (runner_up, bench.limits.min_lead),
+        (neighbour, bench.limits.min_lead_nearby),
+        (impossible, bench.limits.min_lead_impossible),
+    ];
     let (rival, min_lead) = limits.into_iter().find_map(|(rival, min_lead)| {
         let rival = rival.as_ref()?;
         (best.score < min_lead * rival.score).then_some((rival, min_lead))
@@ -149,7 +178,7 @@ fn observability(bench: &Bench<'_>) -> Objection {
     let VerdictLimits { max_sigma_translation_m, max_sigma_rotation_rad, .. } = bench.limits;
     let (translation_ok, rotation_ok) =
         (sigma_m <= max_sigma_translation_m, sigma_rad <= max_sigma_rotation_rad);
-    let n = bench.ranking.best.matches.len();
+    let n = best.n_matches();
     let (what, sigma, limit) = match (translation_ok, rotation_ok) {
         (true, true) => return None,
         (false, _) => (
@@ -178,8 +207,8 @@ fn observability(bench: &Bench<'_>) -> Objection {
 
 fn halves(bench: &Bench<'_>) -> Objection {
     let best = &bench.ranking.best;
-    let [first, second] = split(&bench.scene, &best.matches).map(|half| {
-        refine(&bench.scene, &half, &best.refined.target_from_source, (best.noise_scale, TO_THE_MINIMUM))
+    let [first, second] = split(&bench.scene, best).map(|half| {
+        half.fit(&bench.scene, &best.refined.target_from_source, (best.noise_scale, TO_THE_MINIMUM))
     });
     let gap = gap(&first, &second);
     let spread =
@@ -203,17 +232,18 @@ fn halves(bench: &Bench<'_>) -> Objection {
 }
 
 /// Matches of every other contributing frame set; with a single set, every other match.
-fn split(scene: &Scene<'_>, matches: &[Match]) -> [Vec<usize>; 2] {
-    let sets: Vec<u32> = {
-        let sorted: BTreeSet<u32> =
-            matches.iter().map(|found| scene.candidates[found.candidate].set).collect();
-        sorted.into_iter().collect()
+fn split(scene: &Scene<'_>, best: &Hypothesis) -> [Matched; 2] {
+    let sets: Vec<u32> = best.sets(scene).collect::<BTreeSet<_>>().into_iter().collect();
+    let half = |set: u32, rank: usize| match sets.len() {
+        0 | 1 => rank % 2,
+        _ => sets.binary_search(&set).unwrap_or(0) % 2,
     };
-    let mut halves = [Vec::new(), Vec::new()];
-    for (rank, found) in matches.iter().enumerate() {
-        let set = scene.candidates[found.candidate].set;
-        let turn = if sets.len() > 1 { sets.binary_search(&set).unwrap_or(0) } else { rank };
-        halves[turn % 2].push(found.candidate);
+    let mut halves = [Matched::default(), Matched::default()];
+    for (rank, found) in best.matches.iter().enumerate() {
+        halves[half(scene.candidates[found.candidate].set, rank)].full.push(found.candidate);
+    }
+    for (rank, found) in best.pnl.iter().enumerate() {
+        halves[half(found.pair.set, rank)].pnl.push(found.pair);
     }
     halves
 }
@@ -224,15 +254,6 @@ fn gap(first: &Refined, second: &Refined) -> Vector6<f64> {
     let translation = b.translation.vector - a.translation.vector;
     let rotation = (b.rotation * a.rotation.inverse()).scaled_axis();
     Vector6::new(translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z)
-}
-
-/// Covariance of the pose; `None` when the matches do not fix it.
-///
-/// The information counts the lines' noise scaled up by `noise_scale`. What a sensor is worse than its model (bent depth, wrong
-/// intrinsics) is alike in all lines and does not average out as noise does, so the factor is applied to the pose once more.
-pub fn covariance(refined: &Refined, noise_scale: f64) -> Option<Matrix6<f64>> {
-    let covariance = refined.information.cholesky()?.inverse() * (noise_scale * noise_scale);
-    covariance.iter().all(|value| value.is_finite()).then_some(covariance)
 }
 
 /// Root mean square distance of the target's segment ends from the predicted lines (z = 1), and of the lines there, m.

@@ -49,7 +49,7 @@ fn the_document_has_the_keys_of_the_contract() {
     assert_eq!(camera["covariance"].as_array().unwrap().len(), 6);
     assert_eq!(
         keys(&document["pairs"][0]),
-        ["full", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
+        ["full", "lead", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
     );
     assert_eq!(keys(&document["frame_sets"]), ["refused", "seen", "used"]);
     assert_eq!(keys(&document["timing_ms"]), ["associate", "detect", "estimate", "lift", "total"]);

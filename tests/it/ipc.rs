@@ -50,6 +50,7 @@ fn progress(sequence: u64) -> ProgressMessage {
         published_ns: 5,
         latency_ns: 4,
         state: State::Collecting,
+        is_moved: false,
         frame_sets: FrameSetCounts { seen: sequence, used: 1, refused: 0, dropped: 0 },
         cameras: vec![CameraLines { lines: 80, lifted: 50 }; 2],
         best_pair: None,
@@ -72,7 +73,7 @@ fn health(sequence: u64) -> HealthMessage {
         p99_ns: 6_000_000,
         total_ns: 90_000_000,
     };
-    HealthMessage { sequence, uptime_ns: 1, cameras: vec![camera], stages: vec![stage] }
+    HealthMessage { sequence, uptime_ns: 1, watch: None, cameras: vec![camera], stages: vec![stage] }
 }
 
 fn snapshot() -> Snapshot {
@@ -80,6 +81,7 @@ fn snapshot() -> Snapshot {
         activity: Activity::Collecting,
         state: State::Collecting,
         reason: Some(Reason { code: ReasonCode::NotEnoughEvidence, sentence: "3 lines so far".to_owned() }),
+        watch: None,
         calibration_sequence: 0,
         uptime_ns: 7,
         frame_sets_used: 2,

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
+use super::board::Checkerboard;
 use super::random::Random;
 use super::trajectory::RigCamera;
 use crate::capture::CameraInfo;
@@ -47,6 +48,24 @@ impl SyntheticCamera {
     }
 }
 
+/// A camera of the rig is knocked: from a frame on it stands elsewhere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraMove {
+    /// Index of the camera.
+    pub camera: usize,
+    /// The first frame set for which it stands there.
+    pub at_frame: u64,
+    /// Its new frame in its old one; several moves of a camera add up.
+    pub before_from_after: Motion,
+}
+
+impl CameraMove {
+    /// A move by so much along the camera's own axes and a turn by pitch, yaw and roll.
+    pub fn by((camera, at_frame): (usize, u64), by_m: [f64; 3], turn_deg: [f64; 3]) -> Self {
+        Self { camera, at_frame, before_from_after: pose(by_m, turn_deg) }
+    }
+}
+
 /// A rig, its room and its motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SyntheticOptions {
@@ -54,12 +73,20 @@ pub struct SyntheticOptions {
     pub seed: u64,
     /// The rig; the first is usually the reference.
     pub cameras: Vec<SyntheticCamera>,
+    /// What is moved in the rig on the way.
+    pub moves: Vec<CameraMove>,
     /// Noise of the pictures.
     pub noise: Noise,
     /// How fast frames come.
     pub pace: Pace,
     /// Between two stamps.
     pub period: Duration,
+    /// Draws the noise of the frames; `None` takes `seed`. Another one gives the same pictures with other noise.
+    pub noise_seed: Option<u64>,
+    /// The room is laid out for a rig of at least this radius, m, so that rigs of different sizes can stand in the same room.
+    pub least_rig_radius_m: f64,
+    /// A checkerboard for the rig to look at, in place of the path through the room.
+    pub board: Option<Checkerboard>,
     /// Frame sets until the end of the stream; `None` is endless.
     pub frame_sets: Option<u64>,
     /// Key poses of the path that lie between two views: 1 jumps from aimed pose to aimed pose, 0.01 moves
@@ -79,9 +106,13 @@ impl SyntheticOptions {
         Self {
             seed,
             cameras,
+            moves: Vec::new(),
             noise: Noise::D435i { disparity_sigma_px: 0.1 },
             pace: Pace::Unpaced,
             period: Duration::from_nanos(33_333_333),
+            noise_seed: None,
+            least_rig_radius_m: 0.0,
+            board: None,
             frame_sets: None,
             view_step: 1.0,
             frames_per_view: 1,
@@ -102,6 +133,14 @@ impl SyntheticOptions {
             .zip(1..)
             .map(|((name, at_m, turn_deg), number)| camera((name, number), seed, pose(*at_m, *turn_deg)));
         Self::new(seed, cameras.collect())
+    }
+
+    /// Two cameras: the right one looks exactly `yaw_deg` further to the right and stands exactly `baseline_m` along x, as
+    /// on the paper's rig with protractor and ruler.
+    pub fn exact_pair(yaw_deg: f64, baseline_m: f64, seed: u64) -> Self {
+        let right = pose([baseline_m, 0.0, 0.0], [0.0, yaw_deg, 0.0]);
+        let left = camera(("left", 1), seed, Motion::identity());
+        Self::new(seed, vec![left, camera(("right", 2), seed, right)])
     }
 
     /// Two cameras: the right one looks `yaw_deg` further to the right, `baseline_m` along x, plus a mount's inaccuracy.

@@ -39,6 +39,10 @@ pub(super) struct FreeSpace {
 }
 
 impl FreeSpace {
+    pub(super) fn middle_height_m(&self) -> f64 {
+        0.5 * (self.heights_m[0] + self.heights_m[1])
+    }
+
     /// Whether the point is inside, the column made narrower by `margin_m` (wider when negative).
     pub(super) fn contains_in_plan(&self, [x, y]: [f64; 2], margin_m: f64) -> bool {
         let u = (x - self.center_m[0]) / (self.radii_m[0] - margin_m).max(0.01);

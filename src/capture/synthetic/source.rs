@@ -23,8 +23,7 @@ pub(super) struct SyntheticSource {
 impl SyntheticSource {
     pub(super) fn new(world: Arc<World>, camera: usize) -> Self {
         let options = &world.options;
-        let info = &options.cameras[camera].info;
-        let mut view = View::new(&world.scene, info, (options.noise, options.seed, camera));
+        let mut view = View::new(&world.scene, options, camera);
         let ahead = (0..options.render_ahead.unwrap_or(0) as u64)
             .map(|frame_set| {
                 let mut frame = RgbdFrame::default();

@@ -2,13 +2,14 @@ use std::time::Duration;
 
 use nalgebra::{Point3, Vector3};
 
+use super::board::Checkerboard;
 use super::noise_picture::NoisePicture;
-use super::options::{Noise, Pace, SyntheticOptions};
+use super::options::{CameraMove, Noise, Pace, SyntheticOptions};
 use super::raycast::Raycaster;
 use super::scene::{Builder, FreeSpace, Lamp, Part, Scene, turned};
 use super::shade::Shaded;
 use super::trajectory::rig_radius_m;
-use super::{SyntheticFactory, room};
+use super::{SyntheticFactory, room, room_of};
 use crate::capture::{CaptureError, DeviceFactory, FrameSource, RgbdFrame};
 use crate::geometry::camera::Pinhole;
 use crate::geometry::motion::Motion;
@@ -321,4 +322,57 @@ fn in_real_time_frames_that_nobody_took_are_lost() {
 fn an_unknown_serial_is_told_what_there_is() {
     let error = SyntheticFactory::new(pair(d435i(), 13)).open("7").map(|_| ()).expect_err("no such camera");
     assert!(error.to_string().contains("\"synthetic-01\", \"synthetic-02\""), "{error}");
+}
+
+#[test]
+fn a_moved_camera_stands_elsewhere_from_its_frame_on_and_the_others_stay() {
+    let still = pair(Noise::Off, 4);
+    let knock = CameraMove::by((1, 1), [0.02, 0.0, 0.0], [0.0, 3.0, 0.0]);
+    let moved = SyntheticOptions { moves: vec![knock.clone()], ..still.clone() };
+    let depths = |options, camera| frames(options, camera, 2).into_iter().map(|frame| frame.depth);
+    assert!(depths(&moved, 0).eq(depths(&still, 0)), "the other camera sees something else");
+    let is_same: Vec<bool> = depths(&still, 1).zip(depths(&moved, 1)).map(|(a, b)| a == b).collect();
+    assert_eq!(is_same, [true, false]);
+    let factory = SyntheticFactory::new(moved);
+    let place = |frame_set| factory.world.world_from_camera(1, frame_set);
+    let standing = SyntheticFactory::new(still).world.world_from_camera(1, 5);
+    let expected = standing * knock.before_from_after;
+    assert!((place(5).to_homogeneous() - expected.to_homogeneous()).amax() < 1e-12);
+    let (turn, shift) =
+        (knock.before_from_after.rotation.angle(), knock.before_from_after.translation.vector);
+    assert!((turn.to_degrees() - 3.0).abs() < 1e-9 && (shift.norm() - 0.02).abs() < 1e-12);
+}
+
+#[test]
+fn another_noise_seed_changes_the_noise_alone() {
+    // Views of a board are planned at once, paths through the room are not.
+    let board = Some(Checkerboard { squares: [9, 7], square_m: 0.108 });
+    let with = |noise, noise_seed| {
+        let options = SyntheticOptions { noise_seed, board, ..pair(noise, 14) };
+        frames(&options, 0, 1).remove(0)
+    };
+    let (first, second) = (with(d435i(), None), with(d435i(), Some(15)));
+    assert!(first.rgb != second.rgb && first.depth != second.depth);
+    assert!(with(d435i(), Some(14)).rgb == first.rgb, "without its own seed the noise has that of the room");
+    assert!(with(Noise::Off, None).rgb == with(Noise::Off, Some(15)).rgb);
+}
+
+#[test]
+fn rigs_of_different_sizes_can_stand_in_one_room() {
+    let blocks = |baseline_m: f64, least_rig_radius_m: f64| {
+        let options =
+            SyntheticOptions { least_rig_radius_m, ..SyntheticOptions::exact_pair(0.0, baseline_m, 16) };
+        let blocks = room_of(&options).blocks;
+        blocks.iter().map(|block| (block.world_from_block, block.half_m)).collect::<Vec<_>>()
+    };
+    assert!(blocks(0.2, 0.225) == blocks(0.45, 0.225));
+    assert!(blocks(0.2, 0.0) != blocks(0.45, 0.0));
+}
+
+#[test]
+fn an_exact_pair_stands_as_protractor_and_ruler_say() {
+    let right = SyntheticOptions::exact_pair(40.0, 0.35, 17).cameras[1].reference_from_camera;
+    let forward = right * Vector3::z();
+    assert!((forward.x.atan2(forward.z).to_degrees() - 40.0).abs() < 1e-9 && forward.y.abs() < 1e-12);
+    assert!((right.translation.vector - Vector3::new(0.35, 0.0, 0.0)).norm() < 1e-12);
 }

@@ -66,6 +66,8 @@ pub(super) enum Pattern {
     Row { period_m: f32, seed: u64 },
     /// A frame line of the other colour, `inset_m` from the face's border (door panel, rug border).
     Border { inset_m: f32, width_m: f32, other: Rgb },
+    /// A checkerboard in the middle of the face: squares of this colour and the other in turn.
+    Checkers { squares: [u32; 2], square_m: f32, other: Rgb },
     /// A picture of straight bars.
     Picture { bars: Vec<Bar> },
 }
@@ -137,6 +139,9 @@ impl Material {
             Pattern::Row { period_m, seed } => row_color(spot.along([1.0, 0.0]), *period_m, *seed),
             Pattern::Border { inset_m, width_m, other } => {
                 mix(self.base, *other, border(spot, *inset_m, *width_m))
+            }
+            Pattern::Checkers { squares, square_m, other } => {
+                mix(self.base, *other, checkers(spot, *squares, *square_m))
             }
             Pattern::Picture { bars } => bars.iter().fold(self.base, |under, bar| {
                 let across = spot.along(bar.normal);
@@ -212,6 +217,19 @@ fn row_color(along: Along, period_m: f32, seed: u64) -> Rgb {
         [0, 8, 16].map(|shift| dark * (0.4 + 0.6 * (bits >> shift & 0xFF) as f32 / 255.0))
     };
     mix(color(first), color(first + 1), next_share)
+}
+
+/// Share of the pixel in the dark squares. Exact but at corners, where the pixel is taken for a rectangle along the squares.
+fn checkers(spot: &Spot, squares: [u32; 2], square_m: f32) -> f32 {
+    let axes = [spot.along([1.0, 0.0]), spot.along([0.0, 1.0])];
+    let half_m = |k: usize| 0.5 * squares[k] as f32 * square_m;
+    let odd = |k: usize| {
+        let from_end = Along { at_m: axes[k].at_m + half_m(k), ..axes[k] };
+        pulses(from_end, 2.0 * square_m, 0.5)
+    };
+    let inside = |k: usize| coverage(half_m(k) - axes[k].at_m.abs(), axes[k].width_m);
+    let (first, second) = (odd(0), odd(1));
+    inside(0) * inside(1) * (first + second - 2.0 * first * second)
 }
 
 /// Share of the pixel in the ring `inset_m..inset_m + width_m` from the border of the face.

@@ -28,6 +28,22 @@ pub(super) struct RigCamera {
     pub(super) reference_from_camera: Motion,
 }
 
+impl RigCamera {
+    /// Whether the image shows every point with a margin.
+    pub(super) fn sees_all(
+        &self,
+        world_from_reference: &Motion,
+        points_m: &[Point3<f64>],
+        margin_px: f64,
+    ) -> bool {
+        let camera_from_world = (world_from_reference * self.reference_from_camera).inverse();
+        points_m.iter().all(|point| {
+            let pixel = self.camera.project(&(camera_from_world * point));
+            pixel.is_some_and(|pixel| self.camera.contains(pixel, margin_px))
+        })
+    }
+}
+
 /// The closed path of the rig.
 #[derive(Debug, Clone)]
 pub(super) struct Trajectory {
@@ -49,6 +65,11 @@ impl Trajectory {
         Self { world_from_reference: planner.chosen }
     }
 
+    /// A lap through given poses, at least one.
+    pub(super) fn through(world_from_reference: Vec<Motion>) -> Self {
+        Self { world_from_reference }
+    }
+
     /// The pose of the reference camera at a time counted in key poses; smooth, at rest at the whole numbers.
     pub(super) fn world_from_reference(&self, time: f64) -> Motion {
         let count = self.world_from_reference.len();
@@ -64,7 +85,7 @@ impl Trajectory {
 }
 
 /// The middle of the cameras in the reference frame, m.
-fn rig_center_m<'a>(cameras: impl ExactSizeIterator<Item = &'a Motion>) -> Vector3<f64> {
+pub(super) fn rig_center_m<'a>(cameras: impl ExactSizeIterator<Item = &'a Motion>) -> Vector3<f64> {
     let count = cameras.len().max(1) as f64;
     cameras.map(|pose| pose.translation.vector).sum::<Vector3<f64>>() / count
 }
@@ -85,20 +106,37 @@ fn random_pose(scene: &Scene, center_in_reference: &Vector3<f64>, random: &mut R
         free.center_m[1] + out * free.radii_m[1] * around.sin(),
         random.between(free.heights_m[0], free.heights_m[1]),
     );
-    let heading = random.between(0.0, std::f64::consts::TAU);
-    let (sin, cos) = heading.sin_cos();
+    let heading_rad = random.between(0.0, std::f64::consts::TAU);
+    let pitch_rad = (0.25 * f64::from(random.gaussian()) - 0.1).clamp(-0.6, 0.5);
+    let roll_rad = (0.25 * f64::from(random.gaussian())).clamp(-0.7, 0.7);
+    rig_pose((center, center_in_reference), Attitude { heading_rad, pitch_rad, roll_rad })
+}
+
+/// How the reference camera is turned.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Attitude {
+    /// From the world's x axis to where the camera looks, about the world's z axis.
+    pub(super) heading_rad: f64,
+    pub(super) pitch_rad: f64,
+    pub(super) roll_rad: f64,
+}
+
+/// `world_from_reference` of a rig whose middle is at a place in the world.
+pub(super) fn rig_pose(
+    (center_m, center_in_reference): (Vector3<f64>, &Vector3<f64>),
+    Attitude { heading_rad, pitch_rad, roll_rad }: Attitude,
+) -> Motion {
+    let (sin, cos) = heading_rad.sin_cos();
     // Columns: the optical axes x right, y down, z forward of a level camera that looks along the heading.
     let level = Rotation3::from_matrix_unchecked(Matrix3::new(
         sin, 0.0, cos, //
         -cos, 0.0, sin, //
         0.0, -1.0, 0.0,
     ));
-    let pitch_rad = (0.25 * f64::from(random.gaussian()) - 0.1).clamp(-0.6, 0.5);
-    let roll_rad = (0.25 * f64::from(random.gaussian())).clamp(-0.7, 0.7);
     let tilt = Rotation3::from_axis_angle(&Vector3::x_axis(), pitch_rad)
         * Rotation3::from_axis_angle(&Vector3::z_axis(), roll_rad);
     let rotation = UnitQuaternion::from_rotation_matrix(&(level * tilt));
-    Motion::from_parts(Translation3::from(center - rotation * center_in_reference), rotation)
+    Motion::from_parts(Translation3::from(center_m - rotation * center_in_reference), rotation)
 }
 
 fn long_edges(scene: &Scene) -> Vec<[Point3<f64>; 2]> {

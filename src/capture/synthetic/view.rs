@@ -3,12 +3,12 @@
 use super::World;
 use super::noise_color::{ColorNoise, Developer};
 use super::noise_depth::{DepthNoise, DepthOut, counts};
-use super::options::Noise;
+use super::options::{Noise, SyntheticOptions};
 use super::random::Random;
 use super::raycast::Raycaster;
 use super::scene::Scene;
 use super::shade::Shaded;
-use crate::capture::{CameraInfo, RgbdFrame};
+use crate::capture::RgbdFrame;
 use crate::geometry::motion::Motion;
 
 /// Names the streams of random numbers, so that none is used twice.
@@ -25,13 +25,15 @@ pub(super) struct View {
     shaded: Shaded,
     developer: Developer,
     noise: Option<(ColorNoise, DepthNoise)>,
-    seed: u64,
+    noise_seed: u64,
     index: u64,
     depth_unit_m: f64,
 }
 
 impl View {
-    pub(super) fn new(scene: &Scene, info: &CameraInfo, (noise, seed, index): (Noise, u64, usize)) -> Self {
+    pub(super) fn new(scene: &Scene, options: &SyntheticOptions, index: usize) -> Self {
+        let SyntheticOptions { noise, seed, noise_seed, .. } = *options;
+        let info = &options.cameras[index].info;
         let rays = Raycaster::new(&info.camera, scene.blocks.len());
         let size = (rays.width, rays.height);
         let index = index as u64;
@@ -44,8 +46,8 @@ impl View {
             }
         };
         let shaded = Shaded::new(size.0 * size.1, scene);
-        let depth_unit_m = info.depth_unit_m;
-        Self { rays, shaded, developer: Developer::new(size), noise, seed, index, depth_unit_m }
+        let (depth_unit_m, noise_seed) = (info.depth_unit_m, noise_seed.unwrap_or(seed));
+        Self { rays, shaded, developer: Developer::new(size), noise, noise_seed, index, depth_unit_m }
     }
 
     /// Overwrites the pictures of `frame` with what the camera sees; `number` picks the noise.
@@ -62,7 +64,7 @@ impl View {
         frame.depth.resize(pixels, 0);
         self.rays.cast(scene, world_from_camera);
         self.shaded.shade(scene, &self.rays);
-        let random = |purpose: u64| Random::keyed(self.seed, &[purpose, self.index, number]);
+        let random = |purpose: u64| Random::keyed(self.noise_seed, &[purpose, self.index, number]);
         match &mut self.noise {
             None => {
                 let all = frame.depth.iter_mut().zip(&self.rays.z_m);
@@ -84,6 +86,10 @@ impl World {
     pub(super) fn world_from_camera(&self, camera: usize, frame_set: u64) -> Motion {
         let view = frame_set / self.options.frames_per_view.max(1);
         let world_from_reference = self.trajectory.world_from_reference(view as f64 * self.options.view_step);
-        world_from_reference * self.options.cameras[camera].reference_from_camera
+        let moves =
+            self.options.moves.iter().filter(|moved| moved.camera == camera && moved.at_frame <= frame_set);
+        let reference_from_camera = self.options.cameras[camera].reference_from_camera;
+        world_from_reference
+            * moves.fold(reference_from_camera, |before, moved| before * moved.before_from_after)
     }
 }

@@ -35,6 +35,9 @@ pub struct CalibrationDocument {
     pub reference: String,
     /// Every camera but the reference.
     pub cameras: Vec<CameraEntry>,
+    /// Cameras without a place, and what each of them lacks; left out when every camera has one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<MissingEntry>,
     /// Every pair of cameras.
     pub pairs: Vec<PairEntry>,
     /// What became of the frame sets.
@@ -72,6 +75,17 @@ pub struct CameraEntry {
     pub sigma_deg: Option<[Option<f64>; 3]>,
 }
 
+/// A camera without a place.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MissingEntry {
+    /// Name in the rig.
+    pub name: String,
+    /// Serial number.
+    pub serial: String,
+    /// What it lacks; null where nothing is known of it at all.
+    pub reason: Option<ReasonEntry>,
+}
+
 /// A rigid motion.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MotionEntry {
@@ -94,6 +108,8 @@ pub struct PairEntry {
     pub full: usize,
     /// Of these, lifted on one side.
     pub pnl: usize,
+    /// How many times the score of the best really different pose the best one has; null without any other.
+    pub lead: Option<f64>,
     /// Root mean square; null without matches.
     pub residual_px: Option<f64>,
     /// Root mean square; null without matches.
@@ -172,6 +188,10 @@ impl CalibrationDocument {
             reason: calibration.reason.as_ref().map(ReasonEntry::from),
             reference: name(calibration.reference),
             cameras: others().map(|index| camera_entry(&cameras[index], place(index))).collect(),
+            missing: others()
+                .filter(|&index| place(index).is_none())
+                .map(|index| missing_entry(&cameras[index], (calibration, index), name))
+                .collect(),
             pairs: calibration.pairs.iter().map(|pair| pair_entry(pair, name)).collect(),
             frame_sets,
             timing_ms,
@@ -219,6 +239,20 @@ fn camera_entry(camera: &CameraIdentity, place: Option<&CameraPose>) -> CameraEn
     }
 }
 
+fn missing_entry(
+    camera: &CameraIdentity,
+    (calibration, index): (&RigCalibration, usize),
+    name: impl Fn(usize) -> String,
+) -> MissingEntry {
+    let link = calibration.missing_link(index);
+    let reason =
+        link.and_then(|link| Some((link, link.reason.as_ref()?))).map(|(link, reason)| ReasonEntry {
+            code: reason.code.name(),
+            sentence: format!("{} from {}: {}", name(link.source), name(link.target), reason.sentence),
+        });
+    MissingEntry { name: camera.name.clone(), serial: camera.serial.clone(), reason }
+}
+
 impl From<&Motion> for MotionEntry {
     fn from(to_from_from: &Motion) -> Self {
         let rotation = to_from_from.rotation.coords;
@@ -241,6 +275,7 @@ fn pair_entry(pair: &PairEstimate, name: impl Fn(usize) -> String) -> PairEntry 
         matches: pair.matches,
         full: pair.full,
         pnl: pair.pnl,
+        lead: pair.lead.and_then(finite),
         residual_px: residual(pair.residual_px),
         residual_mm: residual(pair.residual_m * 1e3),
     }

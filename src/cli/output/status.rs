@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::document::ReasonEntry;
+use super::moved::{self, MovedEntry};
 use super::text::table;
 use crate::ipc::{
     CameraHealth, HealthMessage, InstanceName, Outcome, ProgressMessage, Snapshot, StageLatency,
@@ -19,10 +20,14 @@ pub struct StatusDocument {
     pub instance: String,
     /// What it does: starting, collecting, watching, idle or stopping.
     pub activity: &'static str,
-    /// The newest verdict.
+    /// The newest verdict; `moved` when a camera was moved since the published result was made.
     pub state: &'static str,
     /// Why that is not converged.
     pub reason: Option<ReasonEntry>,
+    /// What was moved, and how far; empty while nothing shows that anything was.
+    pub moved: Vec<MovedEntry>,
+    /// Frame sets since the published result was last seen to hold; null while there is none.
+    pub sets_since_confirmed: Option<u64>,
     /// Number of the newest calibration; 0 before the first.
     pub calibration_sequence: u64,
     /// Since the daemon started.
@@ -104,13 +109,19 @@ impl StatusDocument {
     /// The document of what a daemon has said.
     pub fn new(instance: &InstanceName, words: &Words<'_>) -> Self {
         let Words { snapshot, health, progress } = *words;
+        let name = |camera| moved::camera_name(health, camera);
+        let watch = snapshot.watch.as_ref();
+        let entries = watch.iter().flat_map(|watch| &watch.moved).map(|moved| MovedEntry::new(moved, &name));
+        let moved: Vec<MovedEntry> = entries.collect();
         let sets = progress.map(|progress| progress.frame_sets).unwrap_or_default();
         Self {
             schema: "pelical.status/1",
             instance: instance.to_string(),
             activity: snapshot.activity.name(),
-            state: snapshot.state.name(),
-            reason: snapshot.reason.as_ref().map(ReasonEntry::from),
+            state: if moved.is_empty() { snapshot.state.name() } else { moved::STATE },
+            reason: moved::reason(&moved).or_else(|| snapshot.reason.as_ref().map(ReasonEntry::from)),
+            moved,
+            sets_since_confirmed: watch.map(|watch| watch.sets_since_confirmed),
             calibration_sequence: snapshot.calibration_sequence,
             uptime_s: snapshot.uptime_ns as f64 * 1e-9,
             frame_sets: FrameSetStatus {
@@ -187,6 +198,9 @@ pub fn text(status: &StatusDocument) -> String {
     let FrameSetStatus { seen, used, refused, dropped } = status.frame_sets;
     let _ = writeln!(text, "frame sets  {seen} seen, {used} used, {refused} refused, {dropped} dropped");
     let _ = writeln!(text, "results     {}", status.calibration_sequence);
+    if let Some(sets) = status.sets_since_confirmed {
+        let _ = writeln!(text, "confirmed   {sets} compared frame sets ago");
+    }
     let _ = writeln!(text, "up for      {:.0} s", status.uptime_s);
     if !status.cameras.is_empty() {
         let rows = status.cameras.iter().map(|camera| {
@@ -214,7 +228,7 @@ pub fn progress_line(progress: &ProgressMessage) -> String {
     let best = progress.best_pair.map_or_else(String::new, |pair| format!(", {} matches", pair.matches));
     format!(
         "{}: {} frame sets, {} used, lines {}{best}",
-        progress.state.name(),
+        if progress.is_moved { moved::STATE } else { progress.state.name() },
         sets.seen,
         sets.used,
         lines.join("/")

@@ -4,10 +4,16 @@ use nalgebra::{Matrix6, Vector3};
 use serde_json::{Value, json};
 
 use super::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::moved::MovedDocument;
+use super::status::{self, StatusDocument, Words};
 use super::text;
 use crate::geometry::motion::Motion;
-use crate::ipc::CameraIdentity;
-use crate::solver::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
+use crate::ipc::{
+    Activity, CameraHealth, CameraIdentity, CameraState, HealthMessage, InstanceName, Snapshot,
+};
+use crate::solver::{
+    CameraPose, Moved, PairEstimate, Reason, ReasonCode, RigCalibration, State, WatchReport, Who,
+};
 
 fn identity(name: &str) -> CameraIdentity {
     CameraIdentity { name: name.into(), serial: format!("s-{name}") }
@@ -23,6 +29,7 @@ fn pair(matches: usize) -> PairEstimate {
         matches,
         full: matches,
         pnl: 0,
+        lead: Some(2.5),
         residual_px: if matches > 0 { 0.6 } else { f64::NAN },
         residual_m: if matches > 0 { 0.0041 } else { f64::NAN },
     }
@@ -87,7 +94,7 @@ fn the_keys_are_those_of_the_contract() {
     );
     assert_eq!(
         keys(&json["pairs"][0]),
-        ["full", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
+        ["full", "lead", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
     );
     assert_eq!(keys(&json["frame_sets"]), ["refused", "seen", "used"]);
     assert_eq!(keys(&json["timing_ms"]), ["associate", "detect", "estimate", "lift", "total"]);
@@ -133,6 +140,29 @@ fn a_result_without_places_has_null_and_no_nan() {
 }
 
 #[test]
+fn a_missing_camera_is_told_with_its_reason_while_the_others_have_their_places() {
+    let reason = Reason { code: ReasonCode::NoLines, sentence: "door saw no straight edge".into() };
+    let lost = PairEstimate { source: 2, state: State::Collecting, reason: Some(reason), ..pair(0) };
+    let mut calibration = converged(Motion::translation(0.2, 0.0, 0.0));
+    calibration.state = State::Collecting;
+    calibration.cameras.push(None);
+    calibration.pairs.push(lost);
+    let document = CalibrationDocument::new(&Findings {
+        cameras: &[identity("left"), identity("right"), identity("door")],
+        calibration: &calibration,
+        frame_sets: FrameSets::default(),
+        timing_ms: TimingMs::default(),
+        truth: None,
+    });
+    let json = serde_json::to_value(&document).expect("serialisable");
+    let reason = json!({"code": "no_lines", "sentence": "door from left: door saw no straight edge"});
+    assert_eq!(json["missing"], json!([{"name": "door", "serial": "s-door", "reason": reason}]));
+    assert!(json["cameras"][0]["reference_from_camera"].is_object());
+    let text = text::calibration(&document);
+    assert!(text.contains("door is missing: door from left: door saw no straight edge"), "{text}");
+}
+
+#[test]
 fn errors_are_taken_in_the_frame_of_the_reference() {
     let first_from_left = Motion::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.3, 0.2, 0.1));
     let left_from_right = Motion::new(Vector3::new(0.2, 0.0, 0.01), Vector3::new(0.0, 0.5, 0.0));
@@ -154,4 +184,77 @@ fn errors_are_taken_in_the_frame_of_the_reference() {
 fn tables_have_straight_columns() {
     let rows = vec![vec!["a".to_owned(), "1".to_owned()], vec!["bbbb".to_owned(), "22".to_owned()]];
     assert_eq!(text::table(&["x", "y"], &rows), "x     y\na     1\nbbbb  22\n");
+}
+
+/// What a daemon says whose left camera was moved after a result.
+fn words_of_a_moved_camera() -> (Snapshot, HealthMessage) {
+    let moved = Moved {
+        who: Who::Camera(1),
+        rotation_rad: 0.05,
+        sigma_rotation_rad: 0.001,
+        translation_m: 0.02,
+        sigma_translation_m: 0.0005,
+    };
+    let watch = Some(WatchReport { moved: vec![moved], sets_since_confirmed: 12 });
+    let camera = |name: &str| CameraHealth {
+        name: name.to_owned(),
+        state: CameraState::Streaming,
+        frames: 1,
+        dropped: 0,
+        last_frame_age_ns: Some(0),
+        fps_hz: 30.0,
+    };
+    let health = HealthMessage {
+        sequence: 1,
+        uptime_ns: 1,
+        watch: watch.clone(),
+        cameras: vec![camera("front"), camera("left")],
+        stages: Vec::new(),
+    };
+    let snapshot = Snapshot {
+        activity: Activity::Watching,
+        state: State::Converged,
+        reason: None,
+        watch,
+        calibration_sequence: 3,
+        uptime_ns: 1,
+        frame_sets_used: 2,
+        cameras: 2,
+        cameras_streaming: 2,
+    };
+    (snapshot, health)
+}
+
+#[test]
+fn the_status_of_a_moved_camera_says_which_and_how_far() {
+    let (snapshot, health) = words_of_a_moved_camera();
+    let words = Words { snapshot: &snapshot, health: Some(&health), progress: None };
+    let document = StatusDocument::new(&InstanceName::default(), &words);
+    let json = serde_json::to_value(&document).expect("serialisable");
+    assert_eq!((&json["activity"], &json["state"]), (&"watching".into(), &"moved".into()));
+    assert_eq!(json["reason"]["code"], "camera_moved");
+    assert_eq!(json["sets_since_confirmed"], 12);
+    let moved = &json["moved"][0];
+    assert_eq!(keys(moved), ["cameras", "rotation_deg", "sigma_deg", "sigma_mm", "translation_mm"]);
+    assert_eq!(moved["cameras"], json!(["left"]));
+    assert!((moved["rotation_deg"].as_f64().expect("a number") - 2.8648).abs() < 1e-4, "{moved}");
+    let text = status::text(&document);
+    let sentence = "left was moved by 2.86 deg (sigma 0.06) and 20.0 mm (sigma 0.5)";
+    assert!(text.contains("state       moved\n") && text.contains(sentence), "{text}");
+    // Before the daemon's first word about its cameras there are no names.
+    let nameless = StatusDocument::new(&InstanceName::default(), &Words { health: None, ..words });
+    assert_eq!(nameless.moved[0].cameras, ["camera 1"]);
+}
+
+#[test]
+fn what_watch_says_changes_with_the_cameras_and_not_with_the_amounts() {
+    let (_, mut health) = words_of_a_moved_camera();
+    let before = MovedDocument::new(&health);
+    assert!(before.text().starts_with("moved: left was moved by 2.86 deg"), "{}", before.text());
+    let watch = health.watch.as_mut().expect("watched");
+    watch.moved[0].rotation_rad = 0.06;
+    assert!(MovedDocument::new(&health).is_same(&before));
+    health.watch = None;
+    let back = MovedDocument::new(&health);
+    assert!(!back.is_same(&before) && back.text().contains("any more"), "{}", back.text());
 }

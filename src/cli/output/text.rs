@@ -17,13 +17,22 @@ pub fn calibration(document: &CalibrationDocument) -> String {
     let _ = writeln!(text, "reference   {}\n", document.reference);
     let header = ["camera", "place from the reference", "direction", "sigma mm (x y z)", "sigma deg (x y z)"];
     text += &table(&header, &document.cameras.iter().map(camera_row).collect::<Vec<_>>());
+    let told = document.reason.as_ref().map(|reason| reason.sentence.as_str());
+    for missing in &document.missing {
+        let why = missing.reason.as_ref().map(|reason| reason.sentence.as_str());
+        // Of a rig of two the reason of the whole has said it.
+        if why.is_some() && why != told {
+            let _ = writeln!(text, "{} is missing: {}", missing.name, why.unwrap_or_default());
+        }
+    }
     if !document.pairs.is_empty() {
         text.push('\n');
-        let header = ["pair", "matches", "both sides", "one side", "residual px", "residual mm"];
+        let header = ["pair", "matches", "both sides", "one side", "lead", "residual px", "residual mm"];
         let rows = document.pairs.iter().map(|pair| {
             let name = format!("{} <- {}", pair.target, pair.source);
             let counts = [pair.matches, pair.full, pair.pnl].map(|count| count.to_string());
-            [vec![name], counts.to_vec(), vec![number(pair.residual_px), number(pair.residual_mm)]].concat()
+            let measures = [pair.lead, pair.residual_px, pair.residual_mm].map(number);
+            [vec![name], counts.to_vec(), measures.to_vec()].concat()
         });
         text += &table(&header, &rows.collect::<Vec<_>>());
     }

@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v1/calibration`: the newest calibration.
+//! `pelical/<instance>/v2/calibration`: the newest calibration.
 
 use iceoryx2::prelude::ZeroCopySend;
 use nalgebra::Matrix6;
@@ -14,7 +14,7 @@ use crate::solver::{CameraPose, PairEstimate, RigCalibration, State};
 /// The newest calibration in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCalibrationV1")]
+#[type_name("PelicalCalibrationV2")]
 pub struct CalibrationWire {
     /// [`VERSION`].
     pub version: u32,
@@ -45,7 +45,7 @@ pub struct CalibrationWire {
 /// One camera of a calibration.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCameraV1")]
+#[type_name("PelicalCameraV2")]
 pub struct CameraWire {
     /// Name from the config.
     pub name: FixedText<MAX_NAME_BYTES>,
@@ -64,7 +64,7 @@ pub struct CameraWire {
 /// One pair of a calibration.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalPairV1")]
+#[type_name("PelicalPairV2")]
 pub struct PairWire {
     /// Index of the target camera.
     pub target: u32,
@@ -86,6 +86,8 @@ pub struct PairWire {
     pub residual_px: f64,
     /// m.
     pub residual_m: f64,
+    /// How many times the score of the best really different pose the best one has; 0 without any other.
+    pub lead: f64,
     /// The best pose so far.
     pub target_from_source: MotionWire,
     /// Why the pair is not converged.
@@ -112,6 +114,7 @@ const NO_PAIR: PairWire = PairWire {
     reserved: 0,
     residual_px: 0.0,
     residual_m: 0.0,
+    lead: 0.0,
     target_from_source: MotionWire::NONE,
     reason: ReasonWire::NONE,
 };
@@ -179,6 +182,7 @@ fn pair_wire(pair: &PairEstimate) -> Result<PairWire, WireError> {
         reserved: 0,
         residual_px: pair.residual_px,
         residual_m: pair.residual_m,
+        lead: pair.lead.unwrap_or(0.0),
         target_from_source: pair.target_from_source.as_ref().map_or(MotionWire::NONE, MotionWire::encode),
         reason: ReasonWire::encode(pair.reason.as_ref()),
     })
@@ -247,5 +251,6 @@ fn pair_of(pair: &PairWire, n_cameras: usize) -> Result<PairEstimate, WireError>
         pnl: pair.pnl as usize,
         residual_px: not_negative("pair residual_px", pair.residual_px)?,
         residual_m: not_negative("pair residual_m", pair.residual_m)?,
+        lead: Some(not_negative("pair lead", pair.lead)?).filter(|lead| *lead > 0.0),
     })
 }

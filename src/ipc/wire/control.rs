@@ -1,8 +1,9 @@
-//! `pelical/<instance>/v1/control`: requests and answers.
+//! `pelical/<instance>/v2/control`: requests and answers.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::parts::{FixedText, ReasonWire, state_code, state_of};
+use super::watch::WatchWire;
 use super::{MAX_CAMERAS, MAX_SENTENCE_BYTES, VERSION, WireError, check_version, code_of, count, value_of};
 use crate::ipc::request::{Activity, Outcome, RefusalCode, Request, RequestKind, Response, Snapshot};
 
@@ -13,7 +14,7 @@ const REFUSED: u32 = 3;
 /// A request in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalRequestV1")]
+#[type_name("PelicalRequestV2")]
 pub struct RequestWire {
     /// [`VERSION`].
     pub version: u32,
@@ -25,8 +26,8 @@ pub struct RequestWire {
 
 /// An answer in shared memory.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalResponseV1")]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("PelicalResponseV2")]
 pub struct ResponseWire {
     /// [`VERSION`].
     pub version: u32,
@@ -58,6 +59,8 @@ pub struct ResponseWire {
     pub frame_sets_used: u64,
     /// Why the verdict is not converged.
     pub reason: ReasonWire,
+    /// Whether the converged result still stands.
+    pub watch: WatchWire,
 }
 
 impl From<Request> for RequestWire {
@@ -102,6 +105,7 @@ impl ResponseWire {
             uptime_ns: snapshot.uptime_ns,
             frame_sets_used: snapshot.frame_sets_used,
             reason: ReasonWire::encode(snapshot.reason.as_ref()),
+            watch: WatchWire::encode(snapshot.watch.as_ref())?,
         };
         wire.snapshot()?;
         Ok(wire)
@@ -132,6 +136,7 @@ impl ResponseWire {
             activity: value_of(&Activity::ALL, self.activity, "activity")?,
             state: state_of(self.state, "state")?,
             reason: self.reason.decode("reason")?,
+            watch: self.watch.decode()?,
             calibration_sequence: self.calibration_sequence,
             uptime_ns: self.uptime_ns,
             frame_sets_used: self.frame_sets_used,

@@ -1,8 +1,9 @@
-//! `pelical/<instance>/v1/health`: how the daemon and its cameras are.
+//! `pelical/<instance>/v2/health`: how the daemon and its cameras are.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::parts::FixedText;
+use super::watch::WatchWire;
 use super::{
     MAX_CAMERAS, MAX_NAME_BYTES, MAX_STAGES, VERSION, WireError, check_version, code_of, count, count_wire,
     not_negative, value_of,
@@ -15,7 +16,7 @@ const NEVER_NS: u64 = u64::MAX;
 /// How the daemon and its cameras are, in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalHealthV1")]
+#[type_name("PelicalHealthV2")]
 pub struct HealthWire {
     /// [`VERSION`].
     pub version: u32,
@@ -29,6 +30,8 @@ pub struct HealthWire {
     pub sequence: u64,
     /// Since the daemon started, ns.
     pub uptime_ns: u64,
+    /// How the result stands.
+    pub watch: WatchWire,
     /// The cameras.
     pub cameras: [CameraHealthWire; MAX_CAMERAS],
     /// The stages.
@@ -38,7 +41,7 @@ pub struct HealthWire {
 /// How one camera is.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCameraHealthV1")]
+#[type_name("PelicalCameraHealthV2")]
 pub struct CameraHealthWire {
     /// Name from the config.
     pub name: FixedText<MAX_NAME_BYTES>,
@@ -57,7 +60,7 @@ pub struct CameraHealthWire {
 /// How long one stage takes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalStageV1")]
+#[type_name("PelicalStageV2")]
 pub struct StageWire {
     /// Name of the stage.
     pub stage: FixedText<MAX_NAME_BYTES>,
@@ -94,6 +97,7 @@ impl TryFrom<&HealthMessage> for HealthWire {
             reserved: 0,
             sequence: message.sequence,
             uptime_ns: message.uptime_ns,
+            watch: WatchWire::encode(message.watch.as_ref())?,
             cameras: [NO_CAMERA; MAX_CAMERAS],
             stages: [NO_STAGE; MAX_STAGES],
         };
@@ -131,6 +135,7 @@ impl TryFrom<&HealthWire> for HealthMessage {
         Ok(Self {
             sequence: wire.sequence,
             uptime_ns: wire.uptime_ns,
+            watch: wire.watch.decode()?,
             cameras: wire.cameras.iter().take(n_cameras).map(camera_of).collect::<Result<_, _>>()?,
             stages: wire.stages.iter().take(n_stages).map(stage_of).collect::<Result<_, _>>()?,
         })

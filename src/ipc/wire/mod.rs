@@ -10,19 +10,23 @@ mod control;
 mod health;
 mod parts;
 mod progress;
+mod watch;
 
 pub use calibration::{CalibrationWire, CameraWire, PairWire};
 pub use control::{RequestWire, ResponseWire};
 pub use health::{CameraHealthWire, HealthWire, StageWire};
 pub use parts::{FixedText, MotionWire, ReasonWire};
 pub use progress::{CameraLinesWire, ProgressWire};
+pub use watch::{MovedWire, WatchWire};
 
 /// Version of every payload and of the service names.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Most cameras of a rig.
 pub const MAX_CAMERAS: usize = 16;
 /// Most pairs: every pair of [`MAX_CAMERAS`] cameras once.
 pub const MAX_PAIRS: usize = MAX_CAMERAS * (MAX_CAMERAS - 1) / 2;
+/// Most moves that are told at a time; of more, the first.
+pub const MAX_MOVED: usize = 8;
 /// Most stages of the pipeline.
 pub const MAX_STAGES: usize = 8;
 /// Longest name or serial number, bytes.

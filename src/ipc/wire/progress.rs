@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v1/progress`: how collecting goes.
+//! `pelical/<instance>/v2/progress`: how collecting goes.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -9,7 +9,7 @@ use crate::ipc::message::{BestPair, CameraLines, FrameSetCounts, ProgressMessage
 /// How collecting goes, in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalProgressV1")]
+#[type_name("PelicalProgressV2")]
 pub struct ProgressWire {
     /// [`VERSION`].
     pub version: u32,
@@ -45,8 +45,8 @@ pub struct ProgressWire {
     pub best_source: u32,
     /// Its agreeing matches.
     pub best_matches: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// 1 when a camera was moved since the result was made.
+    pub is_moved: u32,
     /// Lines of the newest frame set.
     pub cameras: [CameraLinesWire; MAX_CAMERAS],
 }
@@ -54,7 +54,7 @@ pub struct ProgressWire {
 /// Lines of one camera.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalCameraLinesV1")]
+#[type_name("PelicalCameraLinesV2")]
 pub struct CameraLinesWire {
     /// Straight segments.
     pub lines: u32,
@@ -85,7 +85,7 @@ impl TryFrom<&ProgressMessage> for ProgressWire {
             best_target: count_wire("best pair target", best.target, MAX_CAMERAS)?,
             best_source: count_wire("best pair source", best.source, MAX_CAMERAS)?,
             best_matches: count_wire("best pair matches", best.matches, u32::MAX as usize)?,
-            reserved: 0,
+            is_moved: u32::from(message.is_moved),
             cameras: [CameraLinesWire { lines: 0, lifted: 0 }; MAX_CAMERAS],
         };
         for (slot, camera) in wire.cameras.iter_mut().zip(&message.cameras) {
@@ -109,6 +109,7 @@ impl TryFrom<&ProgressWire> for ProgressMessage {
             published_ns: wire.published_ns,
             latency_ns: wire.latency_ns,
             state: state_of(wire.state, "state")?,
+            is_moved: flag("is_moved", wire.is_moved)?,
             frame_sets: FrameSetCounts {
                 seen: wire.seen,
                 used: wire.used,

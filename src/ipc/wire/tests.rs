@@ -7,7 +7,9 @@ use super::*;
 use crate::geometry::motion::Motion;
 use crate::ipc::message::*;
 use crate::ipc::request::*;
-use crate::solver::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
+use crate::solver::{
+    CameraPose, Moved, PairEstimate, Reason, ReasonCode, RigCalibration, State, WatchReport, Who,
+};
 
 /// A calibration of three cameras with everything in it; the last camera is unknown.
 fn calibration() -> CalibrationMessage {
@@ -26,6 +28,7 @@ fn calibration() -> CalibrationMessage {
         matches: 73,
         full: 60,
         pnl: 13,
+        lead: Some(2.5),
         residual_px: 0.6,
         residual_m: 0.004,
     };
@@ -53,11 +56,23 @@ fn progress() -> ProgressMessage {
         published_ns: 6,
         latency_ns: 7,
         state: State::Collecting,
+        is_moved: true,
         frame_sets: FrameSetCounts { seen: 10, used: 7, refused: 2, dropped: 1 },
         cameras: vec![CameraLines { lines: 80, lifted: 61 }, CameraLines { lines: 40, lifted: 12 }],
         best_pair: Some(BestPair { target: 0, source: 1, matches: 9 }),
         skew: Skew { last_ns: 1, max_ns: 2 },
     }
+}
+
+fn watch() -> WatchReport {
+    let moved = |who| Moved {
+        who,
+        rotation_rad: 0.05,
+        sigma_rotation_rad: 0.001,
+        translation_m: 0.02,
+        sigma_translation_m: 0.0005,
+    };
+    WatchReport { moved: vec![moved(Who::Camera(2)), moved(Who::OneOf(0, 1))], sets_since_confirmed: 17 }
 }
 
 fn health() -> HealthMessage {
@@ -72,6 +87,7 @@ fn health() -> HealthMessage {
     HealthMessage {
         sequence: 1,
         uptime_ns: 2,
+        watch: Some(watch()),
         cameras: vec![camera(CameraState::Streaming, Some(0)), camera(CameraState::Waiting, None)],
         stages: vec![StageLatency { stage: "detect".to_owned(), p50_ns: 4, p99_ns: 5, total_ns: 6 }],
     }
@@ -82,6 +98,7 @@ fn response(outcome: Outcome) -> Response {
         activity: Activity::Watching,
         state: State::Ambiguous,
         reason: Some(Reason { code: ReasonCode::RunnerUpTooClose, sentence: "9 against 8".to_owned() }),
+        watch: Some(watch()),
         calibration_sequence: 4,
         uptime_ns: 5,
         frame_sets_used: 6,
@@ -93,24 +110,28 @@ fn response(outcome: Outcome) -> Response {
 
 #[test]
 fn the_layouts_are_frozen() {
-    assert_eq!(size_of::<CalibrationWire>(), 81_264);
+    assert_eq!(size_of::<CalibrationWire>(), 82_224);
     assert_eq!(offset_of!(CalibrationWire, reason), 48);
     assert_eq!(offset_of!(CalibrationWire, cameras), 560);
     assert_eq!(offset_of!(CalibrationWire, pairs), 560 + 16 * 424);
     assert_eq!(size_of::<CameraWire>(), 424);
     assert_eq!(offset_of!(CameraWire, reference_from_camera), 80);
     assert_eq!(offset_of!(CameraWire, covariance), 136);
-    assert_eq!(size_of::<PairWire>(), 616);
+    assert_eq!(size_of::<PairWire>(), 624);
     assert_eq!(offset_of!(PairWire, residual_px), 32);
-    assert_eq!(offset_of!(PairWire, reason), 104);
+    assert_eq!(offset_of!(PairWire, lead), 48);
+    assert_eq!(offset_of!(PairWire, reason), 112);
     assert_eq!(size_of::<ProgressWire>(), 240);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 88);
     assert_eq!(offset_of!(ProgressWire, cameras), 112);
-    assert_eq!(size_of::<HealthWire>(), 32 + 16 * 72 + 8 * 64);
+    assert_eq!(size_of::<HealthWire>(), 32 + 336 + 16 * 72 + 8 * 64);
+    assert_eq!(offset_of!(HealthWire, watch), 32);
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
     assert_eq!(size_of::<RequestWire>(), 16);
-    assert_eq!(size_of::<ResponseWire>(), 1088);
+    assert_eq!(size_of::<ResponseWire>(), 1088 + 336);
+    assert_eq!(size_of::<WatchWire>(), 16 + 8 * 40);
+    assert_eq!(offset_of!(ResponseWire, watch), 1088);
     assert_eq!(offset_of!(ResponseWire, activity), 532);
     assert_eq!(offset_of!(ResponseWire, reason), 576);
 }
@@ -173,7 +194,7 @@ fn check_refused(field_expected: &str, spoil: impl FnOnce(&mut CalibrationWire))
 
 #[test]
 fn a_spoiled_calibration_is_refused_by_the_name_of_the_field() {
-    check_refused("version is 2", |w| w.version = 2);
+    check_refused("version is 1", |w| w.version = 1);
     check_refused("state has the unknown code 0", |w| w.state = 0);
     check_refused("state has the unknown code 6", |w| w.state = 6);
     check_refused("cameras is 17", |w| w.n_cameras = 17);
@@ -195,6 +216,7 @@ fn a_spoiled_calibration_is_refused_by_the_name_of_the_field() {
     check_refused("pair motion", |w| w.pairs[1].has_motion = 1);
     check_refused("pair residual_px", |w| w.pairs[0].residual_px = f64::NAN);
     check_refused("pair residual_m", |w| w.pairs[0].residual_m = -0.1);
+    check_refused("pair lead", |w| w.pairs[0].lead = f64::INFINITY);
     check_refused("reason has the unknown code 10", |w| w.reason.code = 10);
 }
 
@@ -212,6 +234,11 @@ fn what_a_reader_would_refuse_is_not_sent() {
     let mut message = calibration();
     message.calibration.pairs[0].residual_m = f64::INFINITY;
     assert!(matches!(CalibrationWire::try_from(&message), Err(WireError::Value { .. })));
+    let mut message = health();
+    message.watch = Some(WatchReport { moved: vec![watch().moved[0]; 9], sets_since_confirmed: 0 });
+    let sent =
+        HealthMessage::try_from(&HealthWire::try_from(&message).expect("the first fit")).expect("sound");
+    assert_eq!(sent.watch.map(|watch| watch.moved.len()), Some(MAX_MOVED));
     let mut message = progress();
     message.cameras = vec![CameraLines::default(); MAX_CAMERAS + 1];
     assert!(matches!(ProgressWire::try_from(&message), Err(WireError::Count { .. })));
@@ -312,16 +339,21 @@ proptest! {
 
     #[test]
     fn health_of_any_bytes_is_refused_or_sound(
-        codes in proptest::collection::vec(any_code(), 4),
+        codes in proptest::collection::vec(any_code(), 8),
         name in any_text::<MAX_NAME_BYTES>(),
         fps_hz in any_number(),
     ) {
         let mut wire = HealthWire::try_from(&health()).expect("fits");
         (wire.n_cameras, wire.n_stages, wire.cameras[0].state) = (codes[0], codes[1], codes[2]);
         (wire.cameras[0].name, wire.cameras[0].fps_hz, wire.stages[0].stage) = (name, fps_hz, name);
+        (wire.watch.is_watching, wire.watch.n_moved) = (codes[4], codes[5]);
+        (wire.watch.moved[0].camera, wire.watch.moved[0].or_camera) = (codes[6], codes[7]);
+        wire.watch.moved[1].translation_m = fps_hz;
         if let Ok(message) = HealthMessage::try_from(&wire) {
             prop_assert!(message.cameras.len() <= MAX_CAMERAS && message.stages.len() <= MAX_STAGES);
             prop_assert!(message.cameras.iter().all(|camera| camera.fps_hz.is_finite() && camera.fps_hz >= 0.0));
+            let moved = message.watch.map_or_else(Vec::new, |watch| watch.moved);
+            prop_assert!(moved.len() <= MAX_MOVED && moved.iter().all(|moved| moved.translation_m >= 0.0));
         }
     }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::convert::synthetic_options;
 use super::error::Refusal;
 use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection};
+use super::watch::OnMoved;
 use crate::capture::replay::{self, ReplayOptions};
 use crate::capture::scripted::FaultScript;
 use crate::capture::synthetic::SyntheticOptions;
@@ -23,6 +24,8 @@ pub struct Config {
     pub cameras: CamerasConfig,
     /// Everything between frames and results.
     pub pipeline: PipelineOptions,
+    /// What is done about a camera that was moved after a result.
+    pub on_moved: OnMoved,
 }
 
 /// Back end and cameras.
@@ -66,6 +69,7 @@ impl TryFrom<&ConfigFile> for Config {
             log: file.log.clone(),
             cameras: CamerasConfig::try_from(&file.cameras)?,
             pipeline: super::convert::pipeline_options(file)?,
+            on_moved: file.watch.on_moved,
         })
     }
 }

@@ -27,6 +27,7 @@ pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Ref
         motion: MotionOptions { max_speed_px_per_s: file.sync.max_speed_px_per_s },
         sync: sync_options(&file.sync)?,
         solve: SolveOptions { min_new_sets: file.estimate.min_new_sets, ..SolveOptions::default() },
+        watch: super::watch::watch_limits(&file.watch)?,
         n_line_threads: file.lines.threads,
     })
 }
@@ -128,12 +129,13 @@ pub(super) fn synthetic_options(file: &SyntheticSection) -> Result<SyntheticOpti
         view_step: file.view_step,
         frames_per_view: file.frames_per_view,
         render_ahead: file.render_ahead,
+        moves: super::synthetic::moves(file, &rig)?,
         ..rig
     })
 }
 
 /// Refuses a value outside a range, not-a-number included.
-fn within(key: &str, value: f64, (low, high): (f64, f64)) -> Result<(), Refusal> {
+pub(super) fn within(key: &str, value: f64, (low, high): (f64, f64)) -> Result<(), Refusal> {
     if (low..=high).contains(&value) {
         return Ok(());
     }

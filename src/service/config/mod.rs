@@ -9,8 +9,10 @@ mod faults;
 mod locate;
 mod sections;
 mod serial;
+mod synthetic;
 #[cfg(test)]
 mod tests;
+mod watch;
 
 use std::path::Path;
 
@@ -20,6 +22,8 @@ pub use error::{ConfigError, Refusal};
 pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
+pub use synthetic::MoveEntry;
+pub use watch::{OnMoved, WatchSection};
 
 /// Reads and checks a config file; the file's sections come with the checked options, to be shown.
 ///

@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::faults::FaultsSection;
 use super::serial::Serial;
+use super::synthetic::MoveEntry;
+use super::watch::WatchSection;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::InstanceName;
 use crate::lines::{DetectOptions, LiftOptions};
@@ -31,6 +33,8 @@ pub struct ConfigFile {
     pub lines: LinesSection,
     /// From lines to extrinsics.
     pub estimate: EstimateSection,
+    /// After a result.
+    pub watch: WatchSection,
 }
 
 impl Default for ConfigFile {
@@ -42,6 +46,7 @@ impl Default for ConfigFile {
             sync: SyncSection::default(),
             lines: LinesSection::default(),
             estimate: EstimateSection::default(),
+            watch: WatchSection::default(),
         }
     }
 }
@@ -200,6 +205,8 @@ pub struct SyntheticSection {
     pub frames_per_view: u64,
     /// Frames rendered at the start and then repeated; `null` renders each frame when it is asked for.
     pub render_ahead: Option<usize>,
+    /// Cameras that are moved in the rig on the way.
+    pub moves: Vec<MoveEntry>,
 }
 
 impl Default for SyntheticSection {
@@ -218,6 +225,7 @@ impl Default for SyntheticSection {
             view_step: 0.02,
             frames_per_view: 1,
             render_ahead: None,
+            moves: Vec::new(),
         }
     }
 }
@@ -316,9 +324,9 @@ impl Default for LinesSection {
 pub struct EstimateSection {
     /// Largest distance between two cameras that is considered.
     pub max_baseline_m: f64,
-    /// Lifted lines kept per image.
+    /// Lifted lines kept per image, the most informative.
     pub max_lines_per_view: usize,
-    /// Frame sets kept.
+    /// Frame sets kept, the most informative.
     pub max_sets: usize,
     /// Frame sets with new evidence between two solutions of the daemon.
     pub min_new_sets: u32,

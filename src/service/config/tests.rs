@@ -66,7 +66,22 @@ fn values_out_of_range_say_line_key_and_range() {
         "sync: {max_skew_ms: 500, stalled_after_ms: 500}\n",
         &["c.yaml:1: sync.max_skew_ms", "below sync.stalled_after_ms"],
     );
+    check_refused("watch:\n  min_moved_deg: 0\n", &["c.yaml:2: watch.min_moved_deg: 0", "0.01 to 180"]);
+    check_refused("watch: {min_moved_mm: .inf}\n", &["c.yaml:1: watch.min_moved_mm: inf", "0.1 to 10000"]);
+    check_refused("watch:\n  on_moved: panic\n", &["c.yaml:2: watch.on_moved", "`report`", "`recalibrate`"]);
     check_refused("cameras:\n  backend: replay\n", &["c.yaml:1: cameras.replay.recording", "folder"]);
+}
+
+#[test]
+fn moves_of_synthetic_cameras_are_checked() {
+    let text = |entry: &str| format!("cameras:\n  synthetic:\n    moves:\n      - {entry}\n");
+    let unknown = text("{serial: nobody, at_frame: 1}");
+    check_refused(&unknown, &["c.yaml:4: cameras.synthetic.moves[0].serial", "synthetic-01, synthetic-02"]);
+    let far = text("{serial: synthetic-01, at_frame: 1, by_mm: [0, 2000, 0]}");
+    check_refused(&far, &["c.yaml:4: cameras.synthetic.moves[0].by_mm: 2000", "-1000 to 1000"]);
+    let ahead = format!("{}    render_ahead: 3\n", text("{serial: synthetic-01, at_frame: 1}"));
+    check_refused(&ahead, &["cameras.synthetic.moves", "render_ahead"]);
+    check_refused(&text("{serial: synthetic-01}"), &["missing key `at_frame`"]);
 }
 
 #[test]

@@ -30,6 +30,7 @@ fn a_pipeline_that_panics_again_and_again_ends_the_daemon_with_a_word() {
         slots: vec![slot],
         identities: vec![identity],
         options: PipelineOptions::default(),
+        on_moved: OnMoved::Report,
         make_parts: broken_parts,
     };
     let error = run_rig(&rig, &server, &Stop::default()).expect_err("it cannot work");

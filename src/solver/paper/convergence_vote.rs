@@ -7,13 +7,15 @@
 //! many votes the first counts.
 //!
 //! The result is that of the triple loop, but the loop is not run: points are kept in a tree of boxes, and a box is opened
-//! only while more candidates reach it than the best point has votes.
+//! only while more candidates reach it than the best point has votes. Time grows as the number of points does, with the square of
+//! the number of lines (`benches/solver.rs` measures it), the triple loop's with the third power.
 
 mod search;
 
 use nalgebra::Vector3;
 
 use super::translation_candidate::{TranslationCandidate, TranslationLine, TranslationPlane};
+use search::Point;
 
 /// Lines whose directions' sine is below this are parallel as far as numbers go; the same for a line in a plane.
 const MIN_SINE: f64 = 1e-6;
@@ -53,12 +55,14 @@ impl Tolerance {
         }
     }
 
-    /// Most that this changes per metre.
-    fn slope(&self, candidate: &TranslationCandidate) -> f64 {
-        match *self {
+    /// A candidate's distance from a point, the distance at which it still votes for it, both m, and most that the latter changes
+    /// per metre.
+    fn around(&self, candidate: &TranslationCandidate, point_m: &Vector3<f64>) -> (f64, f64, f64) {
+        let slope = match *self {
             Self::Fixed { .. } => 0.0,
             Self::Sigmas { n, .. } => n * candidate.sigma_slope(),
-        }
+        };
+        (candidate.distance_m(point_m), self.at_m(candidate, point_m), slope)
     }
 
     /// Whether a candidate votes for a point.
@@ -69,14 +73,13 @@ impl Tolerance {
 
 /// The first point with the most votes; `None` when no point has any, e.g. with fewer than two candidates.
 pub fn convergence_vote(candidates: &[TranslationCandidate], tolerance: Tolerance) -> Option<Vote> {
-    let points_m = points_m(candidates);
-    let point_m = search::most_voted(&points_m, candidates, tolerance)?;
+    let point_m = search::most_voted(points(candidates), candidates, tolerance)?;
     let inliers = (0..candidates.len()).filter(|&i| tolerance.holds(&candidates[i], &point_m)).collect();
     Some(Vote { inliers, point_m })
 }
 
 /// The points that are voted on, in their order.
-fn points_m(candidates: &[TranslationCandidate]) -> Vec<Vector3<f64>> {
+fn points(candidates: &[TranslationCandidate]) -> Vec<Point> {
     let (mut lines, mut planes) = (Vec::new(), Vec::new());
     for candidate in candidates {
         match candidate {
@@ -84,14 +87,19 @@ fn points_m(candidates: &[TranslationCandidate]) -> Vec<Vector3<f64>> {
             TranslationCandidate::Plane(plane) => planes.push(plane),
         }
     }
-    let mut points_m = Vec::with_capacity(lines.len() * (lines.len() + 2 * planes.len()) / 2);
+    let mut points = Vec::with_capacity(lines.len() * (lines.len() + 2 * planes.len()) / 2);
+    let mut push = |point_m: Option<Vector3<f64>>| {
+        if let Some(at_m) = point_m {
+            points.push(Point { at_m, place: points.len() as u32 });
+        }
+    };
     for (i, line) in lines.iter().enumerate() {
-        points_m.extend(lines[i + 1..].iter().filter_map(|other| equidistant_m(line, other)));
+        lines[i + 1..].iter().for_each(|other| push(equidistant_m(line, other)));
     }
     for line in &lines {
-        points_m.extend(planes.iter().filter_map(|plane| meeting_m(line, plane)));
+        planes.iter().for_each(|plane| push(meeting_m(line, plane)));
     }
-    points_m
+    points
 }
 
 /// The middle of the common perpendicular of two lines; `None` for parallel ones.

@@ -19,4 +19,4 @@ pub use options::PaperOptions;
 pub use outcome::{PaperOutcome, PaperSolution};
 
 #[cfg(test)]
-mod scenes;
+mod tests;

@@ -189,4 +189,4 @@ fn derivatives(line: &EvidenceLine) -> (Matrix3x4<f64>, Matrix3x4<f64>) {
 }
 
 #[cfg(test)]
-pub mod tests;
+pub(super) mod tests;

@@ -97,3 +97,36 @@ fn without_depth_the_offsets_alone_are_compared() {
     assert_eq!(found.d_residual_d_pose, with_depth.d_residual_d_pose.fixed_rows::<2>(0));
     assert!((found.covariance - with_depth.covariance.fixed_view::<2, 2>(0, 0)).amax() < 1e-15);
 }
+
+#[test]
+fn the_reversed_roles_derivative_is_by_the_same_step() {
+    let (target, source) = views_of_one_line();
+    let unlifted = LineObservation { depth: None, ..source.observation };
+    let near = updated(&pose(), &Vector6::new(0.02, -0.01, 0.03, 0.01, -0.02, 0.015));
+    let at = |step: Vector6<f64>| {
+        reversed_offset_residual(&target, &unlifted, &updated(&near, &step))
+            .expect("a line in general position")
+    };
+    let found = at(Vector6::zeros());
+    for axis in 0..6 {
+        let mut step = Vector6::zeros();
+        step[axis] = 1e-6;
+        let difference = (at(step).residual - at(-step).residual) / 2e-6;
+        let column = found.d_residual_d_pose.column(axis).into_owned();
+        assert!(
+            (difference - column).amax() < 1e-6 * (1.0 + column.amax()),
+            "axis {axis}: {difference} {column}"
+        );
+    }
+    let at_truth = reversed_offset_residual(&target, &unlifted, &pose()).expect("as above");
+    assert!(at_truth.residual.amax() < 1e-12, "{}", at_truth.residual);
+}
+
+#[test]
+fn an_image_that_runs_backwards_is_told() {
+    let (target, source) = views_of_one_line();
+    let [start, end] = target.observation.ends;
+    let turned = LineObservation { ends: [end, start], ..target.observation };
+    assert!(offset_residual(&target.observation, &source, &pose()).expect("a line").is_same_way);
+    assert!(!offset_residual(&turned, &source, &pose()).expect("a line").is_same_way);
+}

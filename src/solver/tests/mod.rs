@@ -1,6 +1,10 @@
 //! The estimator on rooms of lines with known truth: no images, the noise exactly as the observations say.
 
+mod closure;
 mod degenerate;
 mod honesty;
 mod poses;
+mod retention;
+mod rigs;
 pub mod room;
+mod watch;

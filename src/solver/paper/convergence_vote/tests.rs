@@ -10,7 +10,7 @@ const SCALED: Tolerance = Tolerance::Sigmas { n: 3.0, floor_m: 0.005 };
 /// Algorithm 1 as it is written.
 fn by_triple_loop(candidates: &[TranslationCandidate], tolerance: Tolerance) -> Option<Vote> {
     let mut best: Option<Vote> = None;
-    for point_m in points_m(candidates) {
+    for Point { at_m: point_m, .. } in points(candidates) {
         let inliers: Vec<usize> =
             (0..candidates.len()).filter(|&j| tolerance.holds(&candidates[j], &point_m)).collect();
         if inliers.len() > best.as_ref().map_or(0, |best| best.inliers.len()) {

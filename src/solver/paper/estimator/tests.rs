@@ -2,7 +2,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::solver::paper::convergence_vote::Tolerance;
-use crate::solver::paper::scenes::{Parts, any_motion, in_view, pair, parts, penetrating, with_wrong};
+use crate::solver::paper::tests::scenes::{Parts, any_motion, in_view, pair, parts, penetrating, with_wrong};
 use crate::solver::tests::room::Random;
 use crate::solver::{LinePair, TargetSide};
 

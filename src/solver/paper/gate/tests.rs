@@ -1,6 +1,6 @@
 use super::*;
 use crate::geometry::motion::Motion;
-use crate::solver::paper::scenes::{any_motion, penetrating, read, with_wrong};
+use crate::solver::paper::tests::scenes::{any_motion, penetrating, read, with_wrong};
 use crate::solver::tests::room::Random;
 
 #[test]

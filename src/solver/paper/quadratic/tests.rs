@@ -2,7 +2,7 @@ use nalgebra::{Point3, UnitQuaternion};
 
 use super::*;
 use crate::solver::paper::cgr::{cgr_of, rotation_from_cgr};
-use crate::solver::paper::scenes::{any_motion, penetrating, read};
+use crate::solver::paper::tests::scenes::{any_motion, penetrating, read};
 use crate::solver::tests::room::Random;
 
 /// The paper's monomials.

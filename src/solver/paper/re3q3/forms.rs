@@ -25,18 +25,16 @@ impl Forms {
     pub fn orthonormal(quadrics: &SMatrix<f64, 3, 10>) -> Option<Self> {
         let mut rows: [SVector<f64, 10>; 3] = [0, 1, 2].map(|i| quadrics.row(i).transpose());
         for i in 0..3 {
-            let scale = rows[i].amax();
-            if !(scale.is_finite() && scale > 0.0) {
+            let scale = rows[i].norm();
+            if !scale.is_finite() || scale == 0.0 {
                 return None;
             }
             let mut row = rows[i] / scale;
-            row /= row.norm();
             for known in &rows[..i] {
                 row -= known * row.dot(known);
             }
             let norm = row.norm();
-            // Also refuses what is not a number.
-            if !(norm > MIN_INDEPENDENT) {
+            if norm.is_nan() || norm <= MIN_INDEPENDENT {
                 return None;
             }
             rows[i] = row / norm;
@@ -51,18 +49,18 @@ impl Forms {
 
     /// The forms of q' where q = `root_from_chart` q'.
     pub fn turned(&self, root_from_chart: &Matrix4<f64>) -> Self {
-        let mut columns = [Vector3::zeros(); 10];
+        let mut turned = self.clone();
         for form in 0..3 {
             let half = |i: usize, j: usize| if i == j { 1.0 } else { 0.5 };
             let matrix = Matrix4::from_fn(|i, j| half(i, j) * self.columns[MONOMIAL[i][j]][form]);
             let matrix = root_from_chart.transpose() * matrix * root_from_chart;
             for i in 0..4 {
                 for j in i..4 {
-                    columns[MONOMIAL[i][j]][form] = matrix[(i, j)] / half(i, j);
+                    turned.columns[MONOMIAL[i][j]][form] = matrix[(i, j)] / half(i, j);
                 }
             }
         }
-        Self { columns }
+        turned
     }
 
     /// Derivatives of the three forms by the four unknowns. Half of their sum weighted with q is the forms' value (Euler).
@@ -89,16 +87,13 @@ impl Forms {
                     + derivatives[1] * q[1]
                     + derivatives[2] * q[2]
                     + derivatives[3] * q[3]);
-            let size = values.amax();
-            if !(size < 0.5 * best.0) {
-                // At a multiple root, or at the end: no step helps.
-                if size < best.0 {
-                    best = (size, q);
-                }
-                break;
+            let size = values.norm_squared();
+            let is_progress = size < 0.25 * best.0;
+            if size < best.0 {
+                best = (size, q);
             }
-            best = (size, q);
-            if size < ROUNDING {
+            // Without progress it is the end, or a multiple root that no step brings nearer.
+            if !is_progress || size < ROUNDING * ROUNDING {
                 break;
             }
             let [i, j, k] = others(held);
@@ -108,7 +103,7 @@ impl Forms {
             q[j] -= step.y;
             q[k] -= step.z;
         }
-        (best.0 < ZERO).then(|| best.1.normalize())
+        (best.0 < ZERO * ZERO).then(|| best.1.normalize())
     }
 
     /// Norm of the inverse Jacobian at a root: how far a change of the equations moves it. Infinite at a multiple root.

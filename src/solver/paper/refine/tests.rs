@@ -2,7 +2,7 @@ use nalgebra::Vector6;
 
 use super::*;
 use crate::geometry::motion::{rotation_gap_rad, translation_gap_m};
-use crate::solver::paper::scenes::{any_motion, penetrating, read, with_wrong};
+use crate::solver::paper::tests::scenes::{any_motion, penetrating, read, with_wrong};
 use crate::solver::tests::room::Random;
 
 #[track_caller]

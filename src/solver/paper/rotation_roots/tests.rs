@@ -3,7 +3,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::*;
 use crate::geometry::motion::Motion;
 use crate::solver::paper::quadratic::QuadraticSystem;
-use crate::solver::paper::scenes::{any_motion, penetrating, read, with_wrong};
+use crate::solver::paper::tests::scenes::{any_motion, penetrating, read, with_wrong};
 use crate::solver::tests::room::Random;
 
 fn system(random: &mut Random, truth: &Motion, (n, noise): (usize, f64), n_wrong: usize) -> RotationSystem {

@@ -2,11 +2,11 @@
 
 use nalgebra::{Matrix2, Point3, Translation3, Vector3};
 
-use super::pair_geometry::PairGeometry;
-use super::refine::ReadPair;
 use crate::geometry::motion::Motion;
 use crate::geometry::{DepthFit, EdgeSide, LineObservation, PixelPoint, RayPoint, Segment};
 use crate::solver::LinePair;
+use crate::solver::paper::pair_geometry::PairGeometry;
+use crate::solver::paper::refine::ReadPair;
 use crate::solver::tests::room::Random;
 
 /// Noise across a segment's ends on the plane z = 1: half a pixel.

@@ -1,0 +1,3 @@
+//! Scenes that the tests of several steps share.
+
+pub mod scenes;

@@ -1,0 +1,220 @@
+//! After convergence: does the frozen result still explain what the cameras see, and if not, which camera was moved, and by how
+//! much?
+//!
+//! A sliding window of the newest rig views is compared with the frozen poses, pair by pair. Alarm is raised only when another
+//! pose passes the tests of a verdict, differs beyond its uncertainty, and is seen again and again; darkness, people, or views without
+//! common lines change nothing but the number of frame sets since the result was last confirmed.
+
+mod culprit;
+mod pair;
+
+use super::evidence::{Evidence, EvidenceLimits};
+use super::result::{RigCalibration, State};
+use super::rig::EstimateOptions;
+use crate::geometry::motion::Motion;
+use crate::geometry::{Camera, CameraView};
+use culprit::culprits;
+use pair::{Bench, PairWatch, Sight};
+
+/// Rig views that are compared at a time: enough lines for a verdict, few enough to be renewed soon after a camera was moved.
+const WINDOW_SETS: usize = 10;
+/// A view that was not seen again for so many frame sets no longer counts: it may show the rig as it was before a move.
+const MAX_AGE_SETS: u64 = 30;
+/// Successive findings of the same move, each with another frame set, that raise the alarm ...
+const RAISE_AFTER: u32 = 3;
+/// ... and successive confirmations of the frozen result that take it back.
+const CLEAR_AFTER: u32 = 3;
+
+/// From when on a camera counts as moved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WatchLimits {
+    /// Least turn beyond its uncertainty, rad.
+    pub min_rotation_rad: f64,
+    /// Least shift beyond its uncertainty, m.
+    pub min_translation_m: f64,
+}
+
+impl Default for WatchLimits {
+    fn default() -> Self {
+        // What a good calibration promises: 0.3 degrees; 5 mm.
+        Self { min_rotation_rad: 0.3_f64.to_radians(), min_translation_m: 0.005 }
+    }
+}
+
+/// What was moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Who {
+    /// This camera, against others that agree among themselves.
+    Camera(usize),
+    /// One of these two against the other; nothing tells which.
+    OneOf(usize, usize),
+}
+
+/// One move. A camera's is that of its frame as the others see it; of two cameras, that of the second as the first sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moved {
+    /// What was moved.
+    pub who: Who,
+    /// Turn, rad.
+    pub rotation_rad: f64,
+    /// Standard deviation of the turn, rad.
+    pub sigma_rotation_rad: f64,
+    /// Shift of the camera's centre, m.
+    pub translation_m: f64,
+    /// Standard deviation of the shift, m.
+    pub sigma_translation_m: f64,
+}
+
+/// How the frozen result stands.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct WatchReport {
+    /// What was moved; empty while nothing shows that anything was.
+    pub moved: Vec<Moved>,
+    /// Frame sets since the result was last confirmed: large when the cameras see nothing in common.
+    pub sets_since_confirmed: u64,
+}
+
+impl WatchReport {
+    /// What was moved, without the amounts.
+    pub fn who(&self) -> impl Iterator<Item = Who> {
+        self.moved.iter().map(|moved| moved.who)
+    }
+}
+
+/// Compares what the cameras see with a frozen result. Bounded memory; the same sets give the same bits.
+#[derive(Debug, Clone)]
+pub struct Watch {
+    cameras: Vec<Camera>,
+    poses: Vec<Option<Motion>>,
+    pairs: Vec<PairWatch>,
+    window: Evidence,
+    options: EstimateOptions,
+    limits: WatchLimits,
+    /// The newest finding that has not led to anything yet, and how often it was made in succession.
+    pending: (Finding, u32),
+    report: WatchReport,
+}
+
+/// What one look at all pairs comes to.
+#[derive(Debug, Clone, PartialEq)]
+enum Finding {
+    Moved(Vec<Moved>),
+    Confirmed,
+    CannotTell,
+}
+
+impl Watch {
+    /// Watches a converged result, pair by pair of those that converged.
+    pub fn new(
+        cameras: Vec<Camera>,
+        frozen: &RigCalibration,
+        options: EstimateOptions,
+        limits: WatchLimits,
+    ) -> Self {
+        let pose = |camera: usize| frozen.cameras.get(camera)?.as_ref();
+        let converged = frozen.pairs.iter().filter(|pair| pair.state == State::Converged);
+        let pairs = converged.filter_map(|pair| {
+            let usual = pair.matches as f64 / frozen.frame_sets_used.max(1) as f64;
+            PairWatch::new([pair.target, pair.source], [pose(pair.target)?, pose(pair.source)?], usual)
+        });
+        let evidence =
+            EvidenceLimits { max_lines_per_view: options.evidence.max_lines_per_view, max_sets: WINDOW_SETS };
+        Self {
+            pairs: pairs.collect(),
+            poses: (0..cameras.len())
+                .map(|camera| pose(camera).map(|pose| pose.reference_from_camera))
+                .collect(),
+            cameras,
+            window: Evidence::new(evidence),
+            options,
+            limits,
+            pending: (Finding::CannotTell, 0),
+            report: WatchReport::default(),
+        }
+    }
+
+    /// Takes one frame set (as [`super::RigEstimator::add`]) and says how the result stands.
+    pub fn add(&mut self, views: &[Option<CameraView>]) -> &WatchReport {
+        self.add_while(views, &|| true)
+    }
+
+    /// The same; once `keep_going` says no, a search for a new pose is given up and the report stays as it is.
+    pub fn add_while(&mut self, views: &[Option<CameraView>], keep_going: &dyn Fn() -> bool) -> &WatchReport {
+        self.report.sets_since_confirmed += 1;
+        if self.window.refresh(views, MAX_AGE_SETS) {
+            let finding = self.look(keep_going);
+            if keep_going() {
+                self.take(finding);
+                let moved = &self.report.moved;
+                for pair in &mut self.pairs {
+                    pair.is_accused = moved.iter().any(|moved| moved.who.concerns(pair.cameras));
+                }
+            }
+        }
+        &self.report
+    }
+
+    /// Compares the window with the frozen poses.
+    fn look(&mut self, keep_going: &dyn Fn() -> bool) -> Finding {
+        let bench = Bench {
+            evidence: &self.window,
+            cameras: &self.cameras,
+            options: &self.options,
+            limits: &self.limits,
+            keep_going,
+        };
+        let sights: Vec<Sight> = self.pairs.iter_mut().map(|pair| pair.look(&bench)).collect();
+        let moved = culprits(&self.poses, &self.pairs, &sights);
+        if !moved.is_empty() {
+            return Finding::Moved(moved);
+        }
+        // A camera that was moved is back only when it is seen to be back.
+        let is_confirmed = |sight: &Sight| matches!(sight, Sight::Confirmed(_));
+        let is_back =
+            self.pairs.iter().zip(&sights).all(|(pair, sight)| is_confirmed(sight) || !pair.is_accused);
+        if is_back && sights.iter().any(is_confirmed) { Finding::Confirmed } else { Finding::CannotTell }
+    }
+
+    /// Raises or takes back the alarm when a finding is made often enough in succession.
+    fn take(&mut self, finding: Finding) {
+        if finding == Finding::CannotTell {
+            return;
+        }
+        let (before, count) = &mut self.pending;
+        *count = if before.is_same(&finding) { count.saturating_add(1) } else { 1 };
+        *before = finding;
+        match &*before {
+            Finding::Moved(moved) if *count >= RAISE_AFTER => self.report.moved.clone_from(moved),
+            Finding::Confirmed => {
+                if *count >= CLEAR_AFTER {
+                    self.report.moved.clear();
+                }
+                self.report.sets_since_confirmed = 0;
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Finding {
+    /// Whether both say the same, but for numbers.
+    fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Moved(a), Self::Moved(b)) => {
+                a.iter().map(|moved| moved.who).eq(b.iter().map(|moved| moved.who))
+            }
+            (Self::Confirmed, Self::Confirmed) | (Self::CannotTell, Self::CannotTell) => true,
+            _ => false,
+        }
+    }
+}
+
+impl Who {
+    /// Whether a pair of cameras could see this move.
+    fn concerns(self, [target, source]: [usize; 2]) -> bool {
+        match self {
+            Who::Camera(camera) => camera == target || camera == source,
+            Who::OneOf(a, b) => (a, b) == (target, source),
+        }
+    }
+}

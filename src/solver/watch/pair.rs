@@ -1,0 +1,345 @@
+//! One pair under watch: the frozen pose against the best pose near it, and against any pose when the frozen one has lost its
+//! support.
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::WatchLimits;
+use crate::geometry::Camera;
+use crate::geometry::motion::{Motion, hat};
+use crate::solver::association::{Gate, Match, Scene};
+use crate::solver::candidates::PairEvidence;
+use crate::solver::consensus::{
+    Hypothesis, MAX_VOTING_SIGMA_RAD, RankLimits, Ranked, Ranking, rank_poses, settle,
+};
+use crate::solver::evidence::{Evidence, EvidenceSet};
+use crate::solver::joint::d_pair_step_d_steps;
+use crate::solver::noise::covariance;
+use crate::solver::rig::EstimateOptions;
+use crate::solver::verdict::{self, VerdictLimits, judge};
+use crate::solver::{CameraPose, State};
+
+/// Least squared Mahalanobis distance of a move (six degrees of freedom: by chance once in a million looks).
+const MIN_DISTANCE2: f64 = 38.0;
+/// A move exceeds the least one by so many standard deviations.
+const SIGMAS: f64 = 3.0;
+/// Another pose must explain the lines better than the frozen one by this much, nats, ...
+const MIN_LEAD_NATS: f64 = 20.0;
+/// ... and by this share: where many lines agree anyhow, a few odd ones prove nothing.
+const MIN_LEAD_SHARE: f64 = 0.05;
+/// Least number of matches that confirm a pose near the frozen one ...
+const MIN_CONFIRMING: usize = 6;
+/// ... and their least share of those that the calibration had per frame set: chance does not give as many.
+const MIN_USUAL_SHARE: f64 = 0.3;
+/// Fewer lines than this in a view say nothing.
+const MIN_LINES: usize = 3;
+/// A search over all poses takes a hundred times as long as a look near the frozen one; after one in vain, so many sets pass.
+const SETS_BETWEEN_SEARCHES: u32 = 4;
+/// A move need not be known as well as a calibration: its uncertainty is part of the test.
+const LOOSER_SIGMA: f64 = 3.0;
+
+/// While the alarm is on, so much of the limits is enough to keep it.
+const KEPT_SHARE: f64 = 0.5;
+
+/// What all pairs are looked at with.
+pub(super) struct Bench<'a> {
+    pub(super) evidence: &'a Evidence,
+    pub(super) cameras: &'a [Camera],
+    pub(super) options: &'a EstimateOptions,
+    pub(super) limits: &'a WatchLimits,
+    pub(super) keep_going: &'a dyn Fn() -> bool,
+}
+
+/// What a look at a pair comes to.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Sight {
+    /// Nothing can be said.
+    Silent,
+    /// The frozen pose explains the lines; the best pose near it is no move.
+    Confirmed(Shift),
+    /// Another pose does.
+    Moved(Shift),
+}
+
+/// How a pair stands now, against how it stood.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shift {
+    /// As it stands now.
+    pub(super) target_from_source: Motion,
+    /// From the frozen pose to this one: x y z rx ry rz, m and rad.
+    step: Vector6<f64>,
+    /// Covariance of the step: that of both poses.
+    covariance: Matrix6<f64>,
+}
+
+/// A length and its standard deviation.
+pub(super) type Amount = (f64, f64);
+
+impl Shift {
+    fn between(frozen: (&Motion, &Matrix6<f64>), now: (&Motion, &Matrix6<f64>)) -> Self {
+        let translation = now.0.translation.vector - frozen.0.translation.vector;
+        let rotation = (now.0.rotation * frozen.0.rotation.inverse()).scaled_axis();
+        let step = Vector6::from_iterator(translation.iter().chain(rotation.iter()).copied());
+        Self { target_from_source: *now.0, step, covariance: frozen.1 + now.1 }
+    }
+
+    /// Shift (m) and turn (rad).
+    pub(super) fn amounts(&self) -> (Amount, Amount) {
+        (self.amount(0), self.amount(3))
+    }
+
+    /// Variance of the shift (m²) and of the turn (rad²), mean of the three axes.
+    pub(super) fn mean_variances(&self) -> (f64, f64) {
+        mean_variances(&self.covariance)
+    }
+
+    /// Length of three components from `first`, and its standard deviation along their direction.
+    fn amount(&self, first: usize) -> Amount {
+        let part = self.step.fixed_rows::<3>(first).into_owned();
+        let covariance = self.covariance.fixed_view::<3, 3>(first, first).into_owned();
+        let length = part.norm();
+        let variance = match part.try_normalize(0.0) {
+            Some(along) => along.dot(&(covariance * along)),
+            None => covariance.diagonal().max(),
+        };
+        (length, variance.max(0.0).sqrt())
+    }
+
+    /// Whether this is more than noise and more than nobody minds, or at least that share of both.
+    fn is_beyond(&self, limits: &WatchLimits, share: f64) -> bool {
+        let Some(cholesky) = self.covariance.cholesky() else { return false };
+        let ((shift_m, sigma_m), (turn_rad, sigma_rad)) = self.amounts();
+        self.step.dot(&cholesky.solve(&self.step)) > share * MIN_DISTANCE2
+            && (shift_m > share * (limits.min_translation_m + SIGMAS * sigma_m)
+                || turn_rad > share * (limits.min_rotation_rad + SIGMAS * sigma_rad))
+    }
+}
+
+/// How the frozen pose stands, and what another one must show to be taken instead.
+struct Rival {
+    /// What the frozen pose scores.
+    score: f64,
+    /// Views in which both cameras see lines.
+    n_views: usize,
+    /// Least number of matches of the other one.
+    min_matches: usize,
+}
+
+/// A pair under watch.
+#[derive(Debug, Clone)]
+pub(super) struct PairWatch {
+    /// Target and source.
+    pub(super) cameras: [usize; 2],
+    /// `target_from_source` of the frozen result.
+    pub(super) frozen: Motion,
+    covariance: Matrix6<f64>,
+    /// Matches per frame set when the result was made.
+    usual_matches: f64,
+    /// The pose that explained the lines better when looked at last.
+    suspect: Option<Motion>,
+    /// Frame sets until the next search over all poses.
+    wait: u32,
+    /// Matches when the frozen pose was confirmed last; as many are enough to say that the pair now stands nearby.
+    confirmed_matches: Option<usize>,
+    /// The alarm is on, and this pair sees a camera that is said to be moved.
+    pub(super) is_accused: bool,
+}
+
+impl PairWatch {
+    /// `None` when the frozen poses are not known to any accuracy.
+    pub(super) fn new(cameras: [usize; 2], poses: [&CameraPose; 2], usual_matches: f64) -> Option<Self> {
+        let [target, source] = poses.map(|pose| pose.reference_from_camera);
+        let [by_target, by_source] = d_pair_step_d_steps(&target, &source);
+        let covariance = by_target * poses[0].covariance * by_target.transpose()
+            + by_source * poses[1].covariance * by_source.transpose();
+        let frozen = target.inverse() * source;
+        let is_finite = covariance.iter().all(|value| value.is_finite());
+        is_finite.then_some(Self {
+            cameras,
+            frozen,
+            covariance,
+            usual_matches,
+            suspect: None,
+            wait: 0,
+            confirmed_matches: None,
+            is_accused: false,
+        })
+    }
+
+    /// Compares the newest views with the frozen pose.
+    pub(super) fn look(&mut self, bench: &Bench<'_>) -> Sight {
+        self.wait = self.wait.saturating_sub(1);
+        let [target, source] = self.cameras;
+        let pair = PairEvidence { evidence: bench.evidence, target, source };
+        let sees = |set: &EvidenceSet| self.cameras.iter().all(|&camera| n_lines(set, camera) >= MIN_LINES);
+        // Only what is seen now says how the cameras stand now.
+        if !bench.evidence.sets.last().is_some_and(sees) {
+            return Sight::Silent;
+        }
+        let n_views = bench.evidence.sets.iter().filter(|set| sees(set)).count();
+        let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
+        let scene = Scene { pair, candidates: &candidates };
+        let near = settle(scene, &self.frozen);
+        let noise_scale = near.as_ref().map_or(1.0, |near| near.noise_scale);
+        let support = self.support(&scene, noise_scale);
+        let score: f64 = support.iter().map(|found| found.gain).sum();
+        let least = bench.options.verdict.min_matches;
+        if let Some(shift) = self.still_suspect(scene, score, bench) {
+            return Sight::Moved(shift);
+        }
+        let found = match near {
+            // Many lines agree that the pair stands near where it stood: no search.
+            Some(near) if self.is_usual(near.matches.len(), n_views) => {
+                let shift = self.shift_to(&near);
+                let is_supported = self.is_usual(support.len(), n_views);
+                match shift.filter(|shift| is_supported && !self.is_move(shift, bench)) {
+                    Some(shift) => {
+                        self.confirmed_matches = Some(support.len());
+                        return Sight::Confirmed(shift);
+                    }
+                    None => {
+                        let before = self.confirmed_matches.unwrap_or(least);
+                        let min_matches = before.max(MIN_CONFIRMING).min(least);
+                        self.trusted((scene, &alone(near)), &Rival { score, n_views, min_matches }, bench)
+                    }
+                }
+            }
+            _ if self.wait > 0 => None,
+            _ => {
+                self.wait = SETS_BETWEEN_SEARCHES;
+                self.search(pair, &Rival { score, n_views, min_matches: least }, bench)
+            }
+        };
+        self.suspect = found.as_ref().map(|shift| shift.target_from_source);
+        found.map_or(Sight::Silent, Sight::Moved)
+    }
+
+    /// Whether so many matches in so many views are as many as are to be expected.
+    fn is_usual(&self, n_matches: usize, n_views: usize) -> bool {
+        n_matches >= MIN_CONFIRMING
+            && n_matches as f64 >= MIN_USUAL_SHARE * self.usual_matches * n_views as f64
+    }
+
+    /// What the frozen pose explains, as far as it is known.
+    fn support(&self, scene: &Scene<'_>, noise_scale: f64) -> Vec<Match> {
+        let (m2, rad2) = mean_variances(&self.covariance);
+        let gate = Gate { translation_m: m2.sqrt(), rotation_rad: rad2.sqrt(), noise_scale };
+        scene.matches(&scene.near(&self.frozen), &self.frozen, &gate)
+    }
+
+    /// From the frozen pose to another one; `None` when the lines do not fix that.
+    fn shift_to(&self, other: &Hypothesis) -> Option<Shift> {
+        let covariance = covariance(&other.refined, other.noise_scale)?;
+        let now = (&other.refined.target_from_source, &covariance);
+        Some(Shift::between((&self.frozen, &self.covariance), now))
+    }
+
+    fn is_move(&self, shift: &Shift, bench: &Bench<'_>) -> bool {
+        shift.is_beyond(bench.limits, if self.is_accused { KEPT_SHARE } else { 1.0 })
+    }
+
+    /// The move to the pose that was suspected before, as long as it explains the lines better than the frozen one.
+    fn still_suspect(&mut self, scene: Scene<'_>, score: f64, bench: &Bench<'_>) -> Option<Shift> {
+        let now = settle(scene, &self.suspect?).filter(|now| leads(now, score));
+        let shift = now.and_then(|now| self.shift_to(&now)).filter(|shift| self.is_move(shift, bench));
+        self.suspect = shift.as_ref().map(|shift| shift.target_from_source);
+        shift
+    }
+
+    /// Ranks all poses; the move to the best when that is to be trusted.
+    fn search(&self, pair: PairEvidence<'_>, frozen: &Rival, bench: &Bench<'_>) -> Option<Shift> {
+        let limits = RankLimits {
+            cameras: bench.cameras,
+            max_baseline_m: bench.options.max_baseline_m,
+            max_free_space_violated: bench.options.verdict.max_free_space_violated,
+            keep_going: bench.keep_going,
+        };
+        let Ranked::Poses(ranking) = rank_poses(pair, &limits) else { return None };
+        let scene = Scene { pair, candidates: &ranking.candidates };
+        self.trusted((scene, &ranking), frozen, bench)
+    }
+
+    /// The move to the best pose of a ranking when that passes the tests of a verdict and leads before the frozen pose's score.
+    fn trusted(
+        &self,
+        (scene, ranking): (Scene<'_>, &Ranking),
+        frozen: &Rival,
+        bench: &Bench<'_>,
+    ) -> Option<Shift> {
+        let verdict = bench.options.verdict;
+        let is_single = frozen.n_views < 2;
+        let limits = VerdictLimits {
+            min_matches: frozen.min_matches,
+            min_views: verdict.min_views.min(frozen.n_views),
+            min_matches_elsewhere: if is_single { 0 } else { verdict.min_matches_elsewhere },
+            max_sigma_translation_m: LOOSER_SIGMA * verdict.max_sigma_translation_m,
+            max_sigma_rotation_rad: LOOSER_SIGMA * verdict.max_sigma_rotation_rad,
+            ..verdict
+        };
+        let (state, _) = judge(&verdict::Bench { scene, ranking, limits });
+        let shift = self.shift_to(&ranking.best)?;
+        let is_trusted = state == State::Converged && leads(&ranking.best, frozen.score);
+        (is_trusted && self.is_move(&shift, bench)).then_some(shift)
+    }
+
+    /// The same move as the source sees the target: of the frame `source_from_target`.
+    pub(super) fn seen_from_source(&self, shift: &Shift) -> Shift {
+        let (frozen, now) = (self.frozen.inverse(), shift.target_from_source.inverse());
+        let by_step = d_inverse_step_d_step(&shift.target_from_source);
+        let covariance = by_step * shift.covariance * by_step.transpose();
+        Shift::between((&frozen, &Matrix6::zeros()), (&now, &covariance))
+    }
+}
+
+/// A ranking of one pose, for the verdict.
+fn alone(best: Hypothesis) -> Ranking {
+    Ranking { candidates: Vec::new(), best, neighbour: None, runner_up: None, impossible: None }
+}
+
+/// Whether a pose explains the lines clearly better than another one with the given score.
+fn leads(best: &Hypothesis, score: f64) -> bool {
+    best.score - score > MIN_LEAD_NATS.max(MIN_LEAD_SHARE * best.score)
+}
+
+/// Variance of the translation (m²) and of the rotation (rad²), mean of the three axes.
+fn mean_variances(covariance: &Matrix6<f64>) -> (f64, f64) {
+    let mean = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().max(0.0) / 3.0;
+    (mean(0), mean(3))
+}
+
+fn n_lines(set: &EvidenceSet, camera: usize) -> usize {
+    set.views.get(camera).and_then(Option::as_ref).map_or(0, |view| view.lines.len())
+}
+
+/// How a step of the inverse motion follows from a step of a motion `t + dt`, `exp(dr) R`.
+///
+/// With `R' = Rᵀ` and `t' = -Rᵀ t`: `dr' = -Rᵀ dr` and `dt' = -Rᵀ dt - Rᵀ [t]x dr`.
+fn d_inverse_step_d_step(motion: &Motion) -> Matrix6<f64> {
+    let back = -motion.rotation.inverse().to_rotation_matrix().into_inner();
+    let mut by_step = Matrix6::zeros();
+    by_step.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
+    by_step.fixed_view_mut::<3, 3>(0, 3).copy_from(&(back * hat(&motion.translation.vector)));
+    by_step.fixed_view_mut::<3, 3>(3, 3).copy_from(&back);
+    by_step
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::geometry::motion::updated;
+
+    #[test]
+    fn the_step_of_the_inverse_follows_from_the_step() {
+        let motion = Motion::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.4, -0.9, 0.2));
+        let by_step = d_inverse_step_d_step(&motion);
+        for axis in 0..6 {
+            let mut step = Vector6::zeros();
+            step[axis] = 1e-7;
+            let moved = updated(&motion, &step).inverse();
+            let expected = updated(&motion.inverse(), &(by_step * step));
+            assert!((moved.translation.vector - expected.translation.vector).norm() < 1e-12);
+            assert!(moved.rotation.angle_to(&expected.rotation) < 1e-12);
+        }
+    }
+}
