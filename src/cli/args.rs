@@ -119,6 +119,8 @@ pub struct SolveArgs {
 pub enum Estimator {
     /// Consensus over the matches.
     Consensus,
+    /// The paper's.
+    Pelical,
 }
 
 impl Estimator {
@@ -126,6 +128,7 @@ impl Estimator {
     pub fn name(self) -> &'static str {
         match self {
             Estimator::Consensus => "consensus",
+            Estimator::Pelical => "pelical",
         }
     }
 }
@@ -136,6 +139,10 @@ pub enum EstimatorChoice {
     /// Consensus over the matches.
     #[default]
     Consensus,
+    /// The paper's, corrected but otherwise as published.
+    Pelical,
+    /// Both, side by side.
+    Both,
 }
 
 impl EstimatorChoice {
@@ -143,6 +150,8 @@ impl EstimatorChoice {
     pub fn estimators(self) -> &'static [Estimator] {
         match self {
             EstimatorChoice::Consensus => &[Estimator::Consensus],
+            EstimatorChoice::Pelical => &[Estimator::Pelical],
+            EstimatorChoice::Both => &[Estimator::Consensus, Estimator::Pelical],
         }
     }
 }

@@ -75,8 +75,10 @@ struct LineSection {
     f: u32,
     s2: [f64; 4],
     t2: [f64; 4],
-    #[serde(default)]
+    // Null where there is no depth, but never left out.
+    #[serde(deserialize_with = "Option::deserialize")]
     s3: Option<[f64; 6]>,
+    #[serde(deserialize_with = "Option::deserialize")]
     t3: Option<[f64; 6]>,
     ns: u32,
     nt: u32,
@@ -98,7 +100,7 @@ pub fn read(path: &Path) -> Result<Vec<KnownProblem>, CliError> {
         if text.is_empty() {
             continue;
         }
-        let section: ProblemSection = serde_json::from_str(text).map_err(|error| place(error.to_string()))?;
+        let section: ProblemSection = serde_json::from_str(text).map_err(|error| place(told(&error)))?;
         let problem = known_problem(section).map_err(place)?;
         if let Some(first) = known.insert(problem.problem.id.clone(), number) {
             let what = format!(
@@ -120,6 +122,13 @@ pub fn read(path: &Path) -> Result<Vec<KnownProblem>, CliError> {
 
 fn bad(what: std::fmt::Arguments<'_>) -> CliError {
     CliError::BadInput(what.to_string())
+}
+
+/// The line is that of the file; serde_json counts from the start of each.
+fn told(error: &serde_json::Error) -> String {
+    let text = error.to_string();
+    let what = text.split(" at line ").next().unwrap_or(&text);
+    format!("column {}: {what}", error.column())
 }
 
 fn known_problem(section: ProblemSection) -> Result<KnownProblem, String> {

@@ -8,8 +8,9 @@ use super::exit::Exit;
 use super::output;
 use super::output::solve::{Answer, SolveDocument, SolvedProblem};
 use super::pairs_file::{self, KnownProblem, Problem};
-use crate::solver::LinePair;
 use crate::solver::matched::{MatchedLimits, MatchedSolution, solve_matches};
+use crate::solver::paper::{PaperOptions, PaperOutcome, PaperSolution, solve_pairs};
+use crate::solver::{LinePair, Reason, ReasonCode, State};
 
 /// Solves every problem of a file with each estimator asked for, and prints the answers.
 ///
@@ -49,15 +50,38 @@ fn exit(document: &SolveDocument, n_estimators: usize) -> Exit {
 /// Solves on this thread; only the solving is timed.
 fn timed(problem: &Problem, estimator: Estimator) -> Answer {
     let start = Instant::now();
-    let solution = solve(&problem.pairs, estimator);
-    let solve_us = start.elapsed().as_secs_f64() * 1e6;
-    let inliers =
-        solution.inliers.iter().filter_map(|&index| problem.positions.get(index).copied()).collect();
-    Answer { solution: MatchedSolution { inliers, ..solution }, solve_us }
+    let mut answer = solve(&problem.pairs, estimator);
+    answer.solve_us = start.elapsed().as_secs_f64() * 1e6;
+    answer.inliers = answer.inliers.iter().filter_map(|&at| problem.positions.get(at).copied()).collect();
+    answer
 }
 
-fn solve(pairs: &[LinePair], estimator: Estimator) -> MatchedSolution {
+fn solve(pairs: &[LinePair], estimator: Estimator) -> Answer {
     match estimator {
-        Estimator::Consensus => solve_matches(pairs, &MatchedLimits::default()),
+        Estimator::Consensus => {
+            let MatchedSolution { state, reason, target_from_source, inliers, .. } =
+                solve_matches(pairs, &MatchedLimits::default());
+            Answer { state, reason, target_from_source, inliers, solve_us: 0.0 }
+        }
+        Estimator::Pelical => {
+            let PaperSolution { outcome, target_from_source, inliers, .. } =
+                solve_pairs(pairs, &PaperOptions::default());
+            let (state, code) = verdict(&outcome);
+            let reason = code.map(|code| Reason { code, sentence: outcome.to_string() });
+            Answer { state, reason, target_from_source, inliers, solve_us: 0.0 }
+        }
+    }
+}
+
+/// The paper's outcomes in the words of the verdict.
+fn verdict(outcome: &PaperOutcome) -> (State, Option<ReasonCode>) {
+    match outcome {
+        PaperOutcome::Converged => (State::Converged, None),
+        PaperOutcome::TooFewPairs { .. } | PaperOutcome::NoRoot | PaperOutcome::TooFewVoters { .. } => {
+            (State::Collecting, Some(ReasonCode::NotEnoughEvidence))
+        }
+        PaperOutcome::CostTooHigh { .. } => (State::Failed, Some(ReasonCode::ResidualTooHigh)),
+        PaperOutcome::NotObservable { .. } => (State::Degenerate, Some(ReasonCode::AxisUnobservable)),
+        PaperOutcome::Ambiguous { .. } => (State::Ambiguous, Some(ReasonCode::RunnerUpTooClose)),
     }
 }

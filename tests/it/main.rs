@@ -21,6 +21,7 @@ mod paper;
 mod pipeline;
 mod replay;
 mod scripted;
+mod solve;
 mod synthetic_pair;
 mod watching;
 mod writer;

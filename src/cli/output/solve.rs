@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::document::{MotionEntry, ReasonEntry};
 use super::text::table;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
-use crate::solver::matched::MatchedSolution;
+use crate::solver::{Reason, State};
 
 /// A converged pose further from the truth than this is wrong, deg.
 const WRONG_BEYOND_DEG: f64 = 0.5;
@@ -17,8 +17,14 @@ const WRONG_BEYOND_MM: f64 = 20.0;
 /// What an estimator found, and how long it took.
 #[derive(Debug)]
 pub struct Answer {
-    /// With inliers as positions in the file's list of lines.
-    pub solution: MatchedSolution,
+    /// The verdict.
+    pub state: State,
+    /// Why it is not converged.
+    pub reason: Option<Reason>,
+    /// The pose; `None` unless converged.
+    pub target_from_source: Option<Motion>,
+    /// Positions in the file's list of lines of those that agree.
+    pub inliers: Vec<usize>,
     /// The solving alone.
     pub solve_us: f64,
 }
@@ -45,7 +51,7 @@ pub struct SolvedProblem {
     pub reason: Option<ReasonEntry>,
     /// The pose; null unless converged.
     pub target_from_source: Option<MotionEntry>,
-    /// Positions in the problem's list of lines of those that agree with the best pose, converged or not.
+    /// Positions in the problem's list of lines of those that agree with the best pose; without a pose, maybe none.
     pub inliers: Vec<usize>,
     /// The solving alone, µs.
     pub solve_us: f64,
@@ -66,7 +72,7 @@ pub struct ErrorEntry {
 impl SolvedProblem {
     /// The entry of an answer.
     pub fn new((id, estimator): (&str, &'static str), answer: &Answer, truth: Option<&Motion>) -> Self {
-        let MatchedSolution { state, reason, target_from_source, inliers, .. } = &answer.solution;
+        let Answer { state, reason, target_from_source, inliers, solve_us } = answer;
         let error = |truth: &Motion| ErrorEntry {
             rotation_error_deg: target_from_source.map(|found| rotation_gap_rad(&found, truth).to_degrees()),
             translation_error_mm: target_from_source.map(|found| 1e3 * translation_gap_m(&found, truth)),
@@ -78,7 +84,7 @@ impl SolvedProblem {
             reason: reason.as_ref().map(ReasonEntry::from),
             target_from_source: target_from_source.as_ref().map(MotionEntry::from),
             inliers: inliers.clone(),
-            solve_us: (10.0 * answer.solve_us).round() / 10.0,
+            solve_us: (10.0 * solve_us).round() / 10.0,
             truth: truth.map(error),
         }
     }
