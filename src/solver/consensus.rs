@@ -178,7 +178,7 @@ fn is_possible(target_from_source: &Motion, pair: &PairEvidence<'_>, limits: &Ra
 }
 
 /// Every pose that settled on its matches, best score first.
-pub fn settled_poses(scene: Scene<'_>, limits: &RankLimits<'_>) -> Vec<Hypothesis> {
+fn settled_poses(scene: Scene<'_>, limits: &RankLimits<'_>) -> Vec<Hypothesis> {
     let starts = coarse_poses(scene.candidates, limits);
     let going = starts.iter().take_while(|_| (limits.keep_going)());
     let mut drawn_in: Vec<Approach<'_>> = going.filter_map(|pose| Approach::start(scene, pose)).collect();

@@ -49,3 +49,37 @@ pub fn covariance(refined: &Refined, noise_scale: f64) -> Option<Matrix6<f64>> {
     let covariance = (refined.information * information_factor(noise_scale)).cholesky()?.inverse();
     covariance.iter().all(|value| value.is_finite()).then_some(covariance)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::tests::room::Random;
+
+    /// Matches with normal residuals, so many times larger than the model says.
+    fn matches(name: &str, n: usize, factor: f64) -> Vec<Match> {
+        let mut random = Random::named(name);
+        let mut distance2 = || (0..4).map(|_| (factor * random.gaussian()).powi(2)).sum();
+        (0..n).map(|candidate| Match { candidate, distance2: distance2(), gain: 1.0 }).collect()
+    }
+
+    #[test]
+    fn noise_as_its_model_says_is_left_alone() {
+        let scales = (0..50).map(|trial| noise_scale(&matches(&format!("good {trial}"), 40, 1.0), 1.0));
+        let mean = scales.sum::<f64>() / 50.0;
+        assert!((1.0..1.03).contains(&mean), "{mean}");
+    }
+
+    #[test]
+    fn worse_noise_is_found_whatever_was_assumed() {
+        let mut found = matches("bad", 400, 2.0);
+        assert!((noise_scale(&found, 1.0) - 2.0).abs() < 0.15, "{}", noise_scale(&found, 1.0));
+        found.iter_mut().for_each(|found| found.distance2 /= 1.6 * 1.6);
+        assert!((noise_scale(&found, 1.6) - 2.0).abs() < 0.15, "{}", noise_scale(&found, 1.6));
+    }
+
+    #[test]
+    fn no_match_says_nothing_and_no_noise_exceeds_the_limit() {
+        assert_eq!(noise_scale(&[], 2.0), 1.0);
+        assert_eq!(noise_scale(&matches("absurd", 30, 20.0), 1.0), MAX_NOISE_SCALE);
+    }
+}

@@ -217,7 +217,8 @@ fn a_spoiled_calibration_is_refused_by_the_name_of_the_field() {
     check_refused("pair residual_px", |w| w.pairs[0].residual_px = f64::NAN);
     check_refused("pair residual_m", |w| w.pairs[0].residual_m = -0.1);
     check_refused("pair lead", |w| w.pairs[0].lead = f64::INFINITY);
-    check_refused("reason has the unknown code 10", |w| w.reason.code = 10);
+    let unknown = ReasonCode::ALL.len() as u32 + 1;
+    check_refused(&format!("reason has the unknown code {unknown}"), |w| w.reason.code = unknown);
 }
 
 #[test]
