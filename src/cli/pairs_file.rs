@@ -57,6 +57,7 @@ pub struct KnownProblem {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "a problem as {...}")]
 struct ProblemSection {
     id: String,
     noise_px: Option<f64>,
@@ -65,12 +66,14 @@ struct ProblemSection {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "a pose as {\"q_xyzw\": [...], \"t_m\": [...]}")]
 struct TruthSection {
     q_xyzw: [f64; 4],
     t_m: [f64; 3],
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "a pair of lines as {...}")]
 struct LineSection {
     f: u32,
     s2: [f64; 4],
@@ -89,8 +92,12 @@ struct LineSection {
 /// # Errors
 /// When the file cannot be read or a line of it is not what the format promises; told with the number of the line.
 pub fn read(path: &Path) -> Result<Vec<KnownProblem>, CliError> {
-    let file =
-        File::open(path).map_err(|error| bad(format_args!("{}: cannot be read: {error}", path.display())))?;
+    let unreadable =
+        |why: &dyn std::fmt::Display| bad(format_args!("{}: cannot be read: {why}", path.display()));
+    if path.is_dir() {
+        return Err(unreadable(&"it is a folder, a file of matched line pairs is expected"));
+    }
+    let file = File::open(path).map_err(|error| unreadable(&error))?;
     let (mut problems, mut known) = (Vec::new(), BTreeMap::new());
     for (index, text) in BufReader::new(file).lines().enumerate() {
         let number = index + 1;
@@ -129,6 +136,11 @@ fn told(error: &serde_json::Error) -> String {
     let text = error.to_string();
     let what = text.split(" at line ").next().unwrap_or(&text);
     format!("column {}: {what}", error.column())
+}
+
+/// A number for a message: hundreds of digits tell nobody anything.
+fn short(value: f64) -> String {
+    if value.abs() < 1e9 { value.to_string() } else { format!("{value:.1e}") }
 }
 
 fn known_problem(section: ProblemSection) -> Result<KnownProblem, String> {
@@ -179,7 +191,7 @@ impl LineReader {
         n_samples: u32,
     ) -> Result<LineObservation, String> {
         if let Some(px) = segment.iter().find(|px| px.abs() > MAX_PX) {
-            return Err(format!("{side}2 has {px}: allowed is -{MAX_PX} to {MAX_PX} px"));
+            return Err(format!("{side}2 has {}: allowed is -{MAX_PX} to {MAX_PX} px", short(*px)));
         }
         let [start, end] = [0, 2].map(|i| PixelPoint { x: segment[i], y: segment[i + 1] });
         let segment = Segment { start, end, sigma_across_px: self.noise_px };
@@ -205,7 +217,9 @@ impl LineReader {
             if !(DEPTH_M.0..=DEPTH_M.1).contains(&end_m.z) {
                 return Err(format!(
                     "has the depth {} m: allowed is {} to {} m",
-                    end_m.z, DEPTH_M.0, DEPTH_M.1
+                    short(end_m.z),
+                    DEPTH_M.0,
+                    DEPTH_M.1
                 ));
             }
             let off_px = self
@@ -214,8 +228,9 @@ impl LineReader {
                 .map_or(f64::INFINITY, |pixel| (pixel.x - at.x).hypot(pixel.y - at.y));
             if off_px > MAX_OFF_RAY_PX {
                 return Err(format!(
-                    "has an end {off_px:.0} px away from the segment's in the image (limit {MAX_OFF_RAY_PX} px): the format's \
-                     cameras have fx = fy = 600, cx = 320, cy = 240 px"
+                    "has an end {} px away from the segment's in the image (limit {MAX_OFF_RAY_PX} px): the format's \
+                     cameras have fx = fy = 600, cx = 320, cy = 240 px",
+                    short(off_px.round())
                 ));
             }
         }

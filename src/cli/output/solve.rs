@@ -142,7 +142,10 @@ fn summary(estimator: &str, solved: &[&SolvedProblem]) -> String {
         let wrong = solved.iter().filter(|solved| solved.is_wrong()).count();
         let deg = median(errors().filter_map(|truth| truth.rotation_error_deg));
         let mm = median(errors().filter_map(|truth| truth.translation_error_mm));
-        let _ = write!(text, ", {wrong} wrong; median error {} deg, {} mm", cell(deg), cell(mm));
+        let _ = write!(text, ", {wrong} wrong");
+        if converged > 0 {
+            let _ = write!(text, "; median error {} deg, {} mm", cell(deg), cell(mm));
+        }
     }
     let us = median(solved.iter().map(|solved| solved.solve_us));
     let _ = writeln!(text, "; median {:.0} us", us.unwrap_or(0.0));

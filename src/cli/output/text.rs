@@ -13,7 +13,11 @@ pub fn calibration(document: &CalibrationDocument) -> String {
     }
     let sets = &document.frame_sets;
     let _ = writeln!(text, "frame sets  {} seen, {} used, {} refused", sets.seen, sets.used, sets.refused);
-    let _ = writeln!(text, "time        {}", timing(&document.timing_ms));
+    let times = timing(&document.timing_ms);
+    // A live result has none: `status` tells them.
+    if !times.is_empty() {
+        let _ = writeln!(text, "time        {times}");
+    }
     let _ = writeln!(text, "reference   {}\n", document.reference);
     let header = ["camera", "place from the reference", "direction", "sigma mm (x y z)", "sigma deg (x y z)"];
     text += &table(&header, &document.cameras.iter().map(camera_row).collect::<Vec<_>>());

@@ -81,7 +81,12 @@ fn distance_changes(document: &PaperDocument) -> Table {
 }
 
 fn form(document: &PaperDocument) -> String {
-    format!("median / worst of {} rooms (paper)", document.seeds)
+    format!("{} (paper)", over_rooms(document))
+}
+
+fn over_rooms(document: &PaperDocument) -> String {
+    let rooms = if document.seeds == 1 { "room" } else { "rooms" };
+    format!("median / worst of {} {rooms}", document.seeds)
 }
 
 /// One cell of a table of steps.
@@ -113,11 +118,7 @@ fn errors(document: &PaperDocument) -> Table {
     let cell = |entry: &ConfigurationEntry| {
         format!("{} deg, {} mm", spread(entry.rotation_error_deg, 3), spread(entry.translation_error_mm, 2))
     };
-    by_configuration(
-        format!("Error against the truth: median / worst of {} rooms", document.seeds),
-        document,
-        cell,
-    )
+    by_configuration(format!("Error against the truth: {}", over_rooms(document)), document, cell)
 }
 
 fn convergence(document: &PaperDocument) -> Table {
@@ -171,7 +172,7 @@ fn stereo(document: &PaperDocument) -> Table {
         }));
     }
     Table {
-        title: format!("Stereo experiment: median / worst of {} rooms", document.seeds),
+        title: format!("Stereo experiment: {}", over_rooms(document)),
         header: ["baseline", "extrinsics", "l, mm", "d, mm", "theta, deg"].map(str::to_owned).to_vec(),
         rows,
     }
