@@ -45,6 +45,8 @@ pub type MakeEstimator = dyn Fn(Vec<RigCamera>) -> Box<dyn Estimator> + Send;
 pub(super) struct EstimateStage {
     shared: Arc<Shared>,
     options: SolveOptions,
+    /// Sets that an estimator keeps at most.
+    max_sets: usize,
     make: Box<MakeEstimator>,
     estimator: Option<Box<dyn Estimator>>,
     /// Intrinsics as far as they are known: a camera that was never there has none.
@@ -66,10 +68,11 @@ struct Evidence {
 }
 
 impl Evidence {
-    /// Whether a solution is worth its time.
-    fn is_worth_solving(&self, options: &SolveOptions) -> bool {
+    /// Whether a solution is worth its time, with an estimator that keeps so many sets at most.
+    fn is_worth_solving(&self, options: &SolveOptions, max_sets: usize) -> bool {
         let new = self.accepted - self.accepted_at_last_solve;
-        let has_grown = new as f64 >= options.min_growth * self.accepted_at_last_solve as f64;
+        let known = self.accepted_at_last_solve.min(max_sets as u64);
+        let has_grown = new as f64 >= options.min_growth * known as f64;
         let quiet = self.last_accepted.map_or(Duration::ZERO, |last| last.elapsed());
         new > 0 && ((new >= u64::from(options.min_new_sets) && has_grown) || quiet >= options.after_quiet)
     }
@@ -82,6 +85,7 @@ impl EstimateStage {
             intrinsics: [None; MAX_CAMERAS],
             watching: Watching::new(Arc::clone(&shared), options),
             options: options.solve,
+            max_sets: options.estimate.evidence.max_sets,
             estimator: None,
             evidence: Evidence::default(),
             shared,
@@ -226,10 +230,29 @@ impl Stage for EstimateStage {
             Some(set) => self.compare(set),
             None => {}
         }
-        if self.shared.phase.is_collecting(round) && self.evidence.is_worth_solving(&self.options) {
+        if self.shared.phase.is_collecting(round)
+            && self.evidence.is_worth_solving(&self.options, self.max_sets)
+        {
             self.solve();
         }
         self.watching.ask_for_set();
         had_set
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn once_the_memory_is_full_a_solution_waits_for_no_more_sets_however_long_it_was_collected() {
+        let evidence = |new: u64| Evidence {
+            accepted: 100_000 + new,
+            accepted_at_last_solve: 100_000,
+            last_accepted: Some(Instant::now() + Duration::from_secs(60)),
+            ..Evidence::default()
+        };
+        let is_worth = |new: u64| evidence(new).is_worth_solving(&SolveOptions::default(), 80);
+        assert!(is_worth(20) && !is_worth(19), "a quarter of 80");
     }
 }

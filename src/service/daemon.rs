@@ -39,7 +39,7 @@ struct Daemon {
     progress: ProgressTeller,
     health: HealthTeller,
     on_moved: OnMoved,
-    /// A new calibration began by itself: until it converges, the old result stays published.
+    /// A new calibration began without being asked for: until it converges, the old result stays published.
     keeps_result: bool,
     /// Messages that could not be published since health was told last, and why the last one could not.
     unpublished: (u32, Option<ServerError>),
@@ -207,6 +207,7 @@ impl Daemon {
         match end {
             End::Requested => self.life.on_stop(),
             End::Bug { .. } => {
+                self.keeps_result |= self.life.state() == State::Converged;
                 self.life.on_restart();
                 self.progress.restart(Counts::default());
             }

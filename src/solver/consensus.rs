@@ -79,6 +79,12 @@ pub struct Ranking {
 }
 
 impl Ranking {
+    /// How many times the score of the runner-up the best pose has; `None` when no really different pose explains anything.
+    pub fn lead(&self) -> Option<f64> {
+        let other = self.runner_up.as_ref().filter(|other| other.score > 0.0)?;
+        Some((self.best.score / other.score).max(0.0))
+    }
+
     /// The same evidence with another best pose; its rivals are the poses ranked so far that differ from it.
     pub fn with_best(self, best: Hypothesis) -> Self {
         let pose = best.refined.target_from_source;
@@ -104,8 +110,8 @@ pub enum Ranked {
 /// Why a pair has no pose at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoPose {
-    /// No lines of both cameras agree on any pose.
-    NothingAgrees,
+    /// None of so many candidate matches agree on any pose.
+    NothingAgrees(usize),
     /// Lines agree on so many poses, but all contradict free space or lie beyond the largest baseline.
     Impossible(usize),
 }
@@ -114,18 +120,20 @@ impl NoPose {
     /// For the user.
     pub fn reason(self) -> Reason {
         match self {
-            NoPose::NothingAgrees => Reason {
+            NoPose::NothingAgrees(n) => Reason {
                 code: ReasonCode::NotEnoughEvidence,
-                sentence: "no lines of both cameras agree on any pose yet: show straight edges that run through both \
-                           cameras, from several rig poses"
-                    .to_owned(),
+                sentence: format!(
+                    "of {n} possible matches of both cameras' lines no three agree on any pose yet: show straight edges that \
+                     run through both cameras, from several rig poses"
+                ),
             },
             NoPose::Impossible(n) => Reason {
                 code: ReasonCode::FreeSpaceViolated,
                 sentence: format!(
-                    "lines agree on {n} poses, but with each of them surfaces would lie in space that the other camera saw \
-                     through, or the cameras further apart than allowed: show more edges, and check max_baseline_m and \
-                     that depth is registered to colour"
+                    "lines agree on {n} {}, but there surfaces would lie in space that the other camera saw through, or the \
+                     cameras further apart than allowed: show more edges, and check max_baseline_m and that depth is \
+                     registered to colour",
+                    if n == 1 { "pose" } else { "poses" }
                 ),
             },
         }
@@ -149,17 +157,21 @@ pub struct RankLimits<'a> {
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
     let settled = settled_poses(Scene { pair, candidates: &candidates }, limits);
-    let is_possible = |settled: &Hypothesis| is_possible(&settled.refined.target_from_source, &pair, limits);
-    let (mut others, impossible): (Vec<Hypothesis>, Vec<Hypothesis>) =
-        settled.into_iter().partition(is_possible);
-    for possible in &mut others {
-        possible.missing = missing_lines(&pair, limits.cameras, &possible.refined.target_from_source);
-        possible.score -= possible.missing.penalty();
+    let (mut others, mut impossible): (Vec<Hypothesis>, Vec<Hypothesis>) = (Vec::new(), Vec::new());
+    for pose in settled.into_iter().take_while(|_| (limits.keep_going)()) {
+        match confront(pose, &pair, limits) {
+            Ok(pose) => others.push(pose),
+            Err(pose) => impossible.push(pose),
+        }
     }
     others.sort_by(|a, b| b.score.total_cmp(&a.score));
     if others.is_empty() {
         let n = impossible.len();
-        return Ranked::None(if n == 0 { NoPose::NothingAgrees } else { NoPose::Impossible(n) });
+        return Ranked::None(if n == 0 {
+            NoPose::NothingAgrees(candidates.len())
+        } else {
+            NoPose::Impossible(n)
+        });
     }
     let best = others.remove(0);
     let pose = best.refined.target_from_source;
@@ -169,6 +181,26 @@ pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &others), beyond(&SAME_BASIN, &others));
     let impossible = beyond(&SAME_BASIN, &impossible);
     Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up, impossible }))
+}
+
+/// A pose with what else the cameras saw held against it: `Err` when it cannot be, otherwise missing lines lower its score.
+///
+/// # Errors
+/// The same pose, when surfaces or the baseline speak against it.
+// The error is the pose, as large as the answer.
+#[allow(clippy::result_large_err)]
+pub fn confront(
+    mut pose: Hypothesis,
+    pair: &PairEvidence<'_>,
+    limits: &RankLimits<'_>,
+) -> Result<Hypothesis, Hypothesis> {
+    let target_from_source = pose.refined.target_from_source;
+    if !is_possible(&target_from_source, pair, limits) {
+        return Err(pose);
+    }
+    pose.missing = missing_lines(pair, limits.cameras, &target_from_source);
+    pose.score -= pose.missing.penalty();
+    Ok(pose)
 }
 
 /// Whether a pose contradicts neither free space nor the largest baseline.

@@ -75,7 +75,9 @@ pub fn solve_joint(n_cameras: usize, reference: usize, edges: &[Edge<'_>]) -> Jo
 /// Poses along a tree of the strongest edges from the reference (Prim).
 fn spanning_poses(n_cameras: usize, reference: usize, edges: &[Edge<'_>]) -> Vec<Option<Motion>> {
     let mut poses = vec![None; n_cameras];
-    poses[reference] = Some(Motion::identity());
+    if let Some(pose) = poses.get_mut(reference) {
+        *pose = Some(Motion::identity());
+    }
     loop {
         let open = edges.iter().filter(|edge| poses[edge.target].is_some() != poses[edge.source].is_some());
         let Some(edge) = open.max_by(|a, b| a.score.total_cmp(&b.score)) else { return poses };

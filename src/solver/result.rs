@@ -127,7 +127,8 @@ pub struct PairEstimate {
     pub full: usize,
     /// Of these, lifted on one side only.
     pub pnl: usize,
-    /// How many times the score of the best really different pose the best one has; `None` without any other, or with no pose.
+    /// How many times the score of the best really different pose the best one has; `None` when no other explains anything, or
+    /// with no pose.
     pub lead: Option<f64>,
     /// Root mean square distance of the target segment's ends from the predicted line, px.
     pub residual_px: f64,

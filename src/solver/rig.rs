@@ -2,7 +2,7 @@
 
 use super::association::Scene;
 use super::candidates::PairEvidence;
-use super::consensus::{RankLimits, Ranked, rank_poses};
+use super::consensus::{Hypothesis, NoPose, RankLimits, Ranked, confront, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
 use super::joint::JointPoses;
 use super::pair_graph::{JudgedPair, distrust_open_loops, join};
@@ -61,23 +61,35 @@ pub struct RigEstimator {
     cameras: Vec<Camera>,
     options: EstimateOptions,
     evidence: Evidence,
-    /// Per camera, whether it ever saw a lifted line.
-    has_lines: Vec<bool>,
+    /// Frame sets taken.
+    n_sets: u64,
+    /// Per camera, what it ever delivered.
+    delivered: Vec<Delivered>,
+}
+
+/// What a camera ever delivered.
+#[derive(Debug, Clone, Copy, Default)]
+struct Delivered {
+    n_views: u64,
+    has_lifted_lines: bool,
 }
 
 impl RigEstimator {
     /// An estimator without evidence; camera 0 is the reference.
     pub fn new(cameras: Vec<RigCamera>, options: EstimateOptions) -> Self {
-        let has_lines = vec![false; cameras.len()];
+        let delivered = vec![Delivered::default(); cameras.len()];
         let (names, cameras) = cameras.into_iter().map(|camera| (camera.name, camera.camera)).unzip();
-        Self { names, cameras, options, evidence: Evidence::new(options.evidence), has_lines }
+        Self { names, cameras, options, evidence: Evidence::new(options.evidence), n_sets: 0, delivered }
     }
 
     /// Takes one frame set: a view per camera in camera order, `None` where a camera is missing. Returns whether it brought
     /// evidence that is not a repetition of an earlier set.
     pub fn add(&mut self, views: &[Option<CameraView>]) -> bool {
-        for (has_lines, view) in self.has_lines.iter_mut().zip(views) {
-            *has_lines |= view.iter().flat_map(|view| &view.lines).any(|line| line.depth.is_some());
+        self.n_sets += 1;
+        for (delivered, view) in self.delivered.iter_mut().zip(views) {
+            let Some(view) = view else { continue };
+            delivered.n_views += 1;
+            delivered.has_lifted_lines |= view.lines.iter().any(|line| line.depth.is_some());
         }
         self.evidence.add(views)
     }
@@ -155,7 +167,7 @@ impl RigEstimator {
         };
         if self.options.estimator == Estimator::Pelical {
             let scene = Scene { pair, candidates: &ranking.candidates };
-            match pose_by_paper(&scene, &ranking) {
+            match pose_by_paper(&scene, &ranking).and_then(|best| confronted(best, &pair, &limits)) {
                 Ok(best) => ranking = ranking.with_best(best),
                 Err((state, reason)) => {
                     (estimate.state, estimate.reason) = (state, Some(reason));
@@ -172,7 +184,7 @@ impl RigEstimator {
         estimate.full = ranking.best.matches.len();
         estimate.pnl = ranking.best.pnl.len();
         estimate.matches = ranking.best.n_matches();
-        estimate.lead = ranking.runner_up.as_ref().map(|other| ranking.best.score / other.score);
+        estimate.lead = ranking.lead();
         estimate.residual_px = offset * self.cameras[target].mean_focal_px();
         estimate.residual_m = distance_m;
         JudgedPair { estimate, ranking: Some(ranking) }
@@ -204,7 +216,8 @@ impl RigEstimator {
         let joining = told.filter(|(pair, _)| has_pose(pair.target) != has_pose(pair.source));
         let Some((pair, reason)) = joining.max_by_key(|(pair, _)| pair.matches) else {
             let sentence = format!(
-                "the lines of all pairs together do not fix {}: show edges in other directions",
+                "the lines of all {} pairs together do not fix {}: show edges in other directions",
+                pairs.len(),
                 self.names[missing]
             );
             return Some((State::Degenerate, Reason { code: ReasonCode::AxisUnobservable, sentence }));
@@ -218,11 +231,21 @@ impl RigEstimator {
 
     /// Why a camera never can have a place with what it saw so far.
     fn blindness(&self, camera: usize) -> Option<Reason> {
+        let Delivered { n_views, has_lifted_lines } = self.delivered[camera];
         let sentence = format!(
-            "{} saw no straight edge with depth: check its lighting, exposure, lens cover, and that depth is registered to \
-             colour",
-            self.names[camera]
+            "{} saw no straight edge with depth in its {n_views} views of {} frame sets: check its connection, lighting, \
+             exposure, lens cover, and that depth is registered to colour",
+            self.names[camera], self.n_sets
         );
-        (!self.has_lines[camera]).then_some(Reason { code: ReasonCode::NoLines, sentence })
+        (!has_lifted_lines).then_some(Reason { code: ReasonCode::NoLines, sentence })
     }
+}
+
+/// The paper's pose, confronted with surfaces and missing lines as those of the consensus are.
+fn confronted(
+    best: Hypothesis,
+    pair: &PairEvidence<'_>,
+    limits: &RankLimits<'_>,
+) -> Result<Hypothesis, (State, Reason)> {
+    confront(best, pair, limits).map_err(|_| (State::Collecting, NoPose::Impossible(1).reason()))
 }

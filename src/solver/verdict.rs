@@ -114,17 +114,20 @@ fn evidence(bench: &Bench<'_>) -> Objection {
 }
 
 fn missing(bench: &Bench<'_>) -> Objection {
-    let missing = bench.ranking.best.missing;
-    if !missing.is_too_much(bench.limits.max_missing_lines) {
+    let Hypothesis { missing, score, .. } = &bench.ranking.best;
+    let limit = if missing.is_too_much(bench.limits.max_missing_lines) {
+        format!("allowed are {:.0} %", 100.0 * bench.limits.max_missing_lines)
+    } else if *score <= 0.0 {
+        "more than those that agree outweigh".to_owned()
+    } else {
         return None;
-    }
+    };
     let sentence = format!(
-        "with the best pose {} of {} lines in plain sight of the other camera are missing there ({:.0} %; allowed are {:.0} %): \
+        "with the best pose {} of {} lines in plain sight of the other camera are missing there ({:.0} %; {limit}): \
          show more edges in other directions and places, and check that both cameras are in focus and well exposed",
         missing.missing,
         missing.expected,
         100.0 * missing.share(),
-        100.0 * bench.limits.max_missing_lines
     );
     object(State::Collecting, ReasonCode::MissingLines, sentence)
 }
@@ -158,7 +161,7 @@ fn residual(bench: &Bench<'_>) -> Objection {
         return None;
     }
     let sentence = format!(
-        "the matched lines agree {noise_scale:.1} times worse than the noise model of the sensor explains: check the \
+        "the matched lines agree {noise_scale:.1} times worse than the noise model of the sensor explains (limit {MAX_NOISE_SCALE:.1}): check the \
          intrinsics, the registration of depth to colour and that frames of one set are taken at one moment"
     );
     object(State::Failed, ReasonCode::ResidualTooHigh, sentence)
@@ -167,10 +170,10 @@ fn residual(bench: &Bench<'_>) -> Objection {
 fn observability(bench: &Bench<'_>) -> Objection {
     let best = &bench.ranking.best;
     let Some(covariance) = covariance(&best.refined, best.noise_scale) else {
-        let sentence =
-            "the matched lines fix no pose: all are parallel or meet in one point; show edges in at least \
-                        two directions"
-                .to_owned();
+        let sentence = format!(
+            "the {} matched lines fix no pose: all are parallel or meet in one point; show edges in at least two directions",
+            best.n_matches()
+        );
         return object(State::Degenerate, ReasonCode::AxisUnobservable, sentence);
     };
     let (sigma_m, axis) = worst_axis(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
@@ -214,8 +217,10 @@ fn halves(bench: &Bench<'_>) -> Objection {
     let spread =
         covariance(&first, best.noise_scale).zip(covariance(&second, best.noise_scale)).map(|(a, b)| a + b);
     let Some(cholesky) = spread.and_then(Matrix6::cholesky) else {
-        let sentence =
-            "half of the matched lines alone fix no pose: move the rig and show more edges".to_owned();
+        let sentence = format!(
+            "half of the {} matched lines alone fix no pose: move the rig and show more edges",
+            best.n_matches()
+        );
         return object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence);
     };
     let distance2 = gap.dot(&cholesky.solve(&gap));

@@ -114,7 +114,7 @@ impl Watch {
         let pose = |camera: usize| frozen.cameras.get(camera)?.as_ref();
         let converged = frozen.pairs.iter().filter(|pair| pair.state == State::Converged);
         let pairs = converged.filter_map(|pair| {
-            let usual = pair.matches as f64 / frozen.frame_sets_used.max(1) as f64;
+            let usual = pair.full as f64 / frozen.frame_sets_used.max(1) as f64;
             PairWatch::new([pair.target, pair.source], [pose(pair.target)?, pose(pair.source)?], usual)
         });
         let evidence =

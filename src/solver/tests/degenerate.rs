@@ -67,6 +67,14 @@ fn one_camera_has_nothing_to_calibrate() {
 }
 
 #[test]
+fn a_rig_without_cameras_is_told_too() {
+    let mut estimator = RigEstimator::new(Vec::new(), EstimateOptions::default());
+    assert!(!estimator.add(&[]));
+    let calibration = estimator.solve();
+    assert_eq!(calibration.reason.expect("not converged").code, ReasonCode::OneCamera);
+}
+
+#[test]
 fn no_line_at_all_says_so() {
     check_not_converged(&vec![vec![Some(CameraView::default()); 2]; 4], &[ReasonCode::NoLines]);
 }

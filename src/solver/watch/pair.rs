@@ -26,7 +26,7 @@ const SIGMAS: f64 = 3.0;
 const MIN_LEAD_NATS: f64 = 20.0;
 /// ... and by this share: where many lines agree anyhow, a few odd ones prove nothing.
 const MIN_LEAD_SHARE: f64 = 0.05;
-/// Least number of matches that confirm a pose near the frozen one ...
+/// Least number of matches, lifted on both sides, that confirm a pose near the frozen one ...
 const MIN_CONFIRMING: usize = 6;
 /// ... and their least share of those that the calibration had per frame set: chance does not give as many.
 const MIN_USUAL_SHARE: f64 = 0.3;
@@ -132,7 +132,7 @@ pub(super) struct PairWatch {
     /// `target_from_source` of the frozen result.
     pub(super) frozen: Motion,
     covariance: Matrix6<f64>,
-    /// Matches per frame set when the result was made.
+    /// Matches lifted on both sides per frame set when the result was made.
     usual_matches: f64,
     /// The pose that explained the lines better when looked at last.
     suspect: Option<Motion>,
