@@ -1,5 +1,5 @@
-//! Time of the paper's solver on one core: roots of three quadrics, exact voting with its growth, a complete solve. Each answer is
-//! checked before it is timed.
+//! Time of both estimators on one core: roots of three quadrics, exact voting with its growth, complete solves by the paper's
+//! estimator and by consensus. Each answer is checked before it is timed.
 #![allow(missing_docs, reason = "criterion_group! writes an undocumented function")]
 #![allow(clippy::expect_used, reason = "a bench stops at the first wrong answer")]
 use std::hint::black_box;
@@ -9,8 +9,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix2, Matrix3, Point3, Quaternion, RowSVector, SMatrix, UnitQuaternion, Vector3, Vector4};
 use pelical::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use pelical::geometry::{DepthFit, EdgeSide, LineObservation, PixelPoint, RayPoint, Segment};
+use pelical::solver::matched::{MatchedLimits, solve_matches};
 use pelical::solver::paper::convergence_vote::{Tolerance, convergence_vote};
-use pelical::solver::paper::re3q3::{re3q3, re3q3_projective};
+use pelical::solver::paper::re3q3::re3q3;
 use pelical::solver::paper::translation_candidate::{TranslationCandidate, TranslationLine};
 use pelical::solver::paper::{PaperOptions, solve_pairs};
 use pelical::solver::{LinePair, TargetSide};
@@ -79,11 +80,9 @@ fn roots(criterion: &mut Criterion) {
             let q = Vector4::from_fn(|_, _| random.gaussian());
             let truth = UnitQuaternion::from_quaternion(Quaternion::from(q));
             let quadrics = quadrics_of(&mut random, &truth);
-            let roots = re3q3_projective(&quadrics);
-            let is_found = roots
-                .as_slice()
-                .iter()
-                .any(|root| UnitQuaternion::from_quaternion(Quaternion::from(*root)).angle_to(&truth) < 1e-6);
+            let roots = re3q3(&quadrics);
+            let rotation = |s: &Vector3<f64>| UnitQuaternion::from_quaternion(Quaternion::from(s.push(1.0)));
+            let is_found = roots.as_slice().iter().any(|s| rotation(s).angle_to(&truth) < 1e-6);
             assert!(is_found, "{truth} is not among {roots:?}");
             quadrics
         })
@@ -233,26 +232,39 @@ fn voting(criterion: &mut Criterion) {
     }
 }
 
-/// Quadratic system, roots, refinement and voting of pairs of which [`OUTLIERS`] are wrong and a quarter has no target depth.
+/// Pairs of which [`OUTLIERS`] are wrong and a quarter has no target depth.
+fn mixed_pairs(n_pairs: usize) -> Vec<LinePair> {
+    let mut pairs = pairs(&mut Random(n_pairs as u64), n_pairs);
+    for pair in pairs.iter_mut().step_by(4) {
+        if let TargetSide::Full(line) = &pair.target {
+            pair.target = TargetSide::Pnl(LineObservation { depth: None, ..line.observation });
+        }
+    }
+    pairs
+}
+
+/// Whole solves of 50 and of 200 pairs, once the pose is right.
+fn whole(criterion: &mut Criterion, name: &str, solve: impl Fn(&[LinePair]) -> Option<Motion>) {
+    for n_pairs in [50, 200] {
+        let pairs = mixed_pairs(n_pairs);
+        let found = solve(&pairs).expect("enough right pairs");
+        let gap_deg = rotation_gap_rad(&found, &target_from_source()).to_degrees();
+        let gap_mm = 1e3 * translation_gap_m(&found, &target_from_source());
+        assert!(gap_deg < 0.5 && gap_mm < 20.0, "{gap_deg} deg, {gap_mm} mm off");
+        criterion.bench_function(&format!("complete solve of {n_pairs} lines, {name}"), |bencher| {
+            bencher.iter(|| solve(black_box(&pairs)));
+        });
+    }
+}
+
+/// The paper's estimator: quadratic system, roots, refinement and voting; and consensus: draws, refinement and verdict.
 fn complete_solve(criterion: &mut Criterion) {
     let variants = [("as published", PaperOptions::as_published()), ("whitened", PaperOptions::whitened())];
     for (name, options) in variants {
-        for n_pairs in [50, 200] {
-            let mut pairs = pairs(&mut Random(n_pairs as u64), n_pairs);
-            for pair in pairs.iter_mut().step_by(4) {
-                if let TargetSide::Full(line) = &pair.target {
-                    pair.target = TargetSide::Pnl(LineObservation { depth: None, ..line.observation });
-                }
-            }
-            let found = solve_pairs(&pairs, &options).target_from_source.expect("enough right pairs");
-            let gap_deg = rotation_gap_rad(&found, &target_from_source()).to_degrees();
-            let gap_mm = 1e3 * translation_gap_m(&found, &target_from_source());
-            assert!(gap_deg < 0.5 && gap_mm < 20.0, "{gap_deg} deg, {gap_mm} mm off");
-            criterion.bench_function(&format!("complete solve of {n_pairs} lines, {name}"), |bencher| {
-                bencher.iter(|| solve_pairs(black_box(&pairs), &options));
-            });
-        }
+        whole(criterion, name, |pairs| solve_pairs(pairs, &options).target_from_source);
     }
+    let limits = MatchedLimits::default();
+    whole(criterion, "consensus", |pairs| solve_matches(pairs, &limits).target_from_source);
 }
 
 criterion_group!(benches, roots, voting, complete_solve);

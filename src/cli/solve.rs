@@ -9,8 +9,8 @@ use super::output;
 use super::output::solve::{Answer, SolveDocument, SolvedProblem};
 use super::pairs_file::{self, KnownProblem, Problem};
 use crate::solver::matched::{MatchedLimits, MatchedSolution, solve_matches};
-use crate::solver::paper::{PaperOptions, PaperOutcome, PaperSolution, solve_pairs};
-use crate::solver::{LinePair, Reason, ReasonCode, State};
+use crate::solver::paper::{PaperOptions, PaperSolution, solve_pairs};
+use crate::solver::{LinePair, State};
 
 /// Solves every problem of a file with each estimator asked for, and prints the answers.
 ///
@@ -64,24 +64,13 @@ fn solve(pairs: &[LinePair], estimator: Estimator) -> Answer {
             Answer { state, reason, target_from_source, inliers, solve_us: 0.0 }
         }
         Estimator::Pelical => {
-            let PaperSolution { outcome, target_from_source, inliers, .. } =
-                solve_pairs(pairs, &PaperOptions::default());
-            let (state, code) = verdict(&outcome);
-            let reason = code.map(|code| Reason { code, sentence: outcome.to_string() });
+            let solution = solve_pairs(pairs, &PaperOptions::default());
+            let (state, reason) = match solution.pose() {
+                Ok(_) => (State::Converged, None),
+                Err((state, reason)) => (state, Some(reason)),
+            };
+            let PaperSolution { target_from_source, inliers, .. } = solution;
             Answer { state, reason, target_from_source, inliers, solve_us: 0.0 }
         }
-    }
-}
-
-/// The paper's outcomes in the words of the verdict.
-fn verdict(outcome: &PaperOutcome) -> (State, Option<ReasonCode>) {
-    match outcome {
-        PaperOutcome::Converged => (State::Converged, None),
-        PaperOutcome::TooFewPairs { .. } | PaperOutcome::NoRoot | PaperOutcome::TooFewVoters { .. } => {
-            (State::Collecting, Some(ReasonCode::NotEnoughEvidence))
-        }
-        PaperOutcome::CostTooHigh { .. } => (State::Failed, Some(ReasonCode::ResidualTooHigh)),
-        PaperOutcome::NotObservable { .. } => (State::Degenerate, Some(ReasonCode::AxisUnobservable)),
-        PaperOutcome::Ambiguous { .. } => (State::Ambiguous, Some(ReasonCode::RunnerUpTooClose)),
     }
 }

@@ -1,32 +1,17 @@
 //! Rotations by their Cayley-Gibbs-Rodrigues vector (paper, eq. 3 corrected), and what to do about half turns, which have none.
 //!
-//! s is the rotation's axis times the tangent of half its angle: the unit quaternion's (x, y, z) / w. Two ways around the half turn:
-//! the roots of `re3q3_projective` are the quaternions themselves; or the source lines are turned first, by one of four fixed
-//! rotations.
+//! s is the rotation's axis times the tangent of half its angle: the unit quaternion's (x, y, z) / w. Around the half turn the
+//! source lines are turned first, by one of four fixed rotations.
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::geometry::motion::hat;
-
-/// A quaternion's real part below which s is larger than what it is good for: the rotation is half a turn to within 1e-6 degrees.
-const MIN_REAL: f64 = 1e-8;
 
 /// `R = ((1 - s.s) I + 2 [s]x + 2 s s^T) / (1 + s.s)`. The paper's eq. 3 prints s^T s, a number, for the last matrix s s^T.
 pub fn rotation_from_cgr(s: &Vector3<f64>) -> Rotation3<f64> {
     let norm2 = s.norm_squared();
     let matrix = Matrix3::identity() * (1.0 - norm2) + hat(s) * 2.0 + s * s.transpose() * 2.0;
     Rotation3::from_matrix_unchecked(matrix / (1.0 + norm2))
-}
-
-/// The vector s of a rotation; `None` for half a turn.
-pub fn cgr_of(rotation: &Rotation3<f64>) -> Option<Vector3<f64>> {
-    let quaternion = UnitQuaternion::from_rotation_matrix(rotation);
-    (quaternion.w.abs() > MIN_REAL).then(|| quaternion.imag() / quaternion.w)
-}
-
-/// The rotation of a root (s, 1) of any scale, half turns (last entry 0) included.
-pub fn rotation_from_projective(root: &Vector4<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_quaternion(Quaternion::from(*root))
 }
 
 /// Four rotations `turned_from_source`, none and the half turns about x, y and z. With source lines turned by the right
@@ -40,6 +25,7 @@ pub fn pre_rotations() -> [Rotation3<f64>; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solver::paper::tests::scenes::cgr_of;
     use crate::solver::tests::room::Random;
 
     #[test]
@@ -49,10 +35,6 @@ mod tests {
             let rotation = random.rotation().to_rotation_matrix();
             let s = cgr_of(&rotation).expect("no half turn");
             assert!((rotation_from_cgr(&s).matrix() - rotation.matrix()).amax() < 1e-9 * (1.0 + s.norm()));
-            let projective = Vector4::new(s.x, s.y, s.z, 1.0) * -0.3;
-            assert!(
-                rotation_from_projective(&projective).angle_to(&rotation.into()) < 1e-9 * (1.0 + s.norm())
-            );
         }
     }
 
@@ -62,16 +44,6 @@ mod tests {
         let found = rotation_from_cgr(&(axis * 20_f64.to_radians().tan()));
         let expected = Rotation3::new(axis * 40_f64.to_radians());
         assert!((found.matrix() - expected.matrix()).amax() < 1e-14);
-    }
-
-    #[test]
-    fn half_turns_have_no_vector_but_are_quaternions() {
-        for axis in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(1.0, 2.0, -2.0) / 3.0] {
-            let half_turn = Rotation3::new(axis * std::f64::consts::PI);
-            assert_eq!(cgr_of(&half_turn), None);
-            let found = rotation_from_projective(&Vector4::new(axis.x, axis.y, axis.z, 0.0));
-            assert!(found.angle_to(&half_turn.into()) < 1e-9);
-        }
     }
 
     #[test]

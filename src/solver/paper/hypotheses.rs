@@ -12,7 +12,7 @@ use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
 /// Widths of the loss on the way, mm and px: from what a root misses by to what noise makes of a far line.
 const WIDTHS: [f64; 3] = [60.0, 20.0, 6.0];
-/// Poses that go on with each width: all roots that three quadrics can have, then those that are still distinct minima.
+/// Poses that go on with each width: as many of the best as three quadrics can have roots, then those that are still distinct minima.
 const KEPT: [usize; 3] = [8, 4, 4];
 /// Steps with each width.
 const STEPS: usize = 4;
@@ -23,7 +23,7 @@ const SAME_MINIMUM_M: f64 = 0.01;
 
 /// The refined roots, least robust cost first. Empty where the pairs leave the translation open.
 pub fn hypotheses(pairs: &[ReadPair<'_>], starts: Starts) -> Vec<Motion> {
-    let system = QuadraticSystem::of(pairs.iter().map(|pair| (&pair.geometry, 1.0)));
+    let system = QuadraticSystem::of(pairs.iter().map(|pair| &pair.geometry));
     let Some(system) = system.eliminate_translation() else { return Vec::new() };
     let roots = rotation_roots(&system, starts);
     let mut poses: Vec<Motion> = roots.iter().map(|root| pose(&system, root)).collect();

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::geometry::motion::Motion;
+use crate::solver::result::{Reason, ReasonCode, State};
 
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +53,19 @@ impl PaperOutcome {
     /// Whether nothing was found that a pose could be judged by: other starts may do better.
     pub fn is_stuck(&self) -> bool {
         matches!(self, Self::NoRoot | Self::TooFewVoters { .. })
+    }
+
+    /// The same in the words of the verdict, for an end without a pose.
+    fn objection(&self) -> (State, Reason) {
+        let (state, code) = match self {
+            Self::Converged | Self::TooFewPairs { .. } | Self::NoRoot | Self::TooFewVoters { .. } => {
+                (State::Collecting, ReasonCode::NotEnoughEvidence)
+            }
+            Self::CostTooHigh { .. } => (State::Failed, ReasonCode::ResidualTooHigh),
+            Self::NotObservable { .. } => (State::Degenerate, ReasonCode::AxisUnobservable),
+            Self::Ambiguous { .. } => (State::Ambiguous, ReasonCode::RunnerUpTooClose),
+        };
+        (state, Reason { code, sentence: self.to_string() })
     }
 }
 
@@ -104,4 +118,14 @@ pub struct PaperSolution {
     pub mean_cost: f64,
     /// Rounds of the outer loop.
     pub rounds: usize,
+}
+
+impl PaperSolution {
+    /// The pose.
+    ///
+    /// # Errors
+    /// The state and the reason for the user, when there is none.
+    pub fn pose(&self) -> Result<Motion, (State, Reason)> {
+        self.target_from_source.ok_or_else(|| self.outcome.objection())
+    }
 }

@@ -91,27 +91,27 @@ pub fn pnl_row(plane_normal: &Vector3<f64>, point_m: &Vector3<f64>) -> Row {
     Row { normal: *plane_normal, offset_m: 0.0, point_m: *point_m }
 }
 
-/// `[A B]ᵀ [A B]` of weighted pairs, over `(e, τ)`: eight rows per full pair, two per PnL pair.
+/// `[A B]ᵀ [A B]` of all pairs, over `(e, τ)`: eight rows per full pair, two per PnL pair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuadraticSystem {
     products: SMatrix<f64, 13, 13>,
 }
 
 impl QuadraticSystem {
-    /// Sums pairs, each with a weight that multiplies its squared rows.
-    pub fn of<'a>(pairs: impl Iterator<Item = (&'a PairGeometry, f64)>) -> Self {
+    /// Sums the rows of all pairs.
+    pub fn of<'a>(pairs: impl Iterator<Item = &'a PairGeometry>) -> Self {
         let mut products = SMatrix::<f64, 13, 13>::zeros();
-        let mut add = |row: Row, weight: f64| {
+        let mut add = |row: Row| {
             let row = row.coefficients();
-            products.ger(weight, &row, &row, 1.0);
+            products.ger(1.0, &row, &row, 1.0);
         };
-        for (pair, weight) in pairs {
+        for pair in pairs {
             for point_m in &pair.source_ends_m {
                 match &pair.target {
                     TargetGeometry::Full(line) => {
-                        full_rows(line, point_m).into_iter().for_each(|row| add(row, weight));
+                        full_rows(line, point_m).into_iter().for_each(&mut add);
                     }
-                    TargetGeometry::Pnl(segment) => add(pnl_row(&segment.plane_normal, point_m), weight),
+                    TargetGeometry::Pnl(segment) => add(pnl_row(&segment.plane_normal, point_m)),
                 }
             }
         }

@@ -67,7 +67,8 @@ impl<const D: usize> Roots<D> {
 ///
 /// Rows may have any scale; the unknowns should be of order one, as the parameters of rotations are. A double root is given once. The
 /// answer is empty for a system without isolated roots (dependent or not finite quadrics, a common curve, also one at infinity).
-/// Roots at infinity are left out: see [`re3q3_projective`].
+/// Roots at infinity, half turns, are left out: they are found after a change of variables
+/// ([`pre_rotations`](super::cgr::pre_rotations)).
 pub fn re3q3(quadrics: &SMatrix<f64, 3, 10>) -> Roots {
     let mut roots = Roots::none();
     let Some(forms) = Forms::orthonormal(quadrics) else { return roots };
@@ -81,12 +82,8 @@ pub fn re3q3(quadrics: &SMatrix<f64, 3, 10>) -> Roots {
     roots
 }
 
-/// As [`re3q3`] with the roots as unit vectors `(s1, s2, s3, 1) / |(s, 1)|`, those at infinity (last component 0) included. Of the
-/// paper's system each is the unit quaternion `(x, y, z, w)` of a rotation, half turns included: no pre-rotation is needed.
-pub fn re3q3_projective(quadrics: &SMatrix<f64, 3, 10>) -> Roots<4> {
-    Forms::orthonormal(quadrics).map_or_else(Roots::none, |forms| projective_roots(&forms))
-}
-
+/// The roots as unit vectors `(s1, s2, s3, 1) / |(s, 1)|`, those at infinity (last component 0) included. Of the paper's system each is
+/// the unit quaternion `(x, y, z, w)` of a rotation.
 fn projective_roots(forms: &Forms) -> Roots<4> {
     let mut roots = Roots::none();
     for min_pivot in [GOOD_PIVOT, MIN_PIVOT] {

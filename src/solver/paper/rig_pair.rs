@@ -6,7 +6,6 @@
 
 use super::estimator::solve_pairs;
 use super::options::PaperOptions;
-use super::outcome::PaperOutcome;
 use crate::geometry::motion::Motion;
 use crate::solver::association::{Match, Scene};
 use crate::solver::consensus::{Hypothesis, Ranking};
@@ -14,7 +13,7 @@ use crate::solver::line_pair::{LinePair, TargetSide};
 use crate::solver::noise::noise_scale;
 use crate::solver::pnl::{Matched, PnlMatch, Unlifted};
 use crate::solver::refine::{Refined, Stop};
-use crate::solver::result::{Reason, ReasonCode, State};
+use crate::solver::result::{Reason, State};
 
 /// A match of either kind, as the ranking holds it.
 #[derive(Clone, Copy)]
@@ -31,7 +30,7 @@ pub fn pose_by_paper(scene: &Scene<'_>, ranking: &Ranking) -> Result<Hypothesis,
     let (found, pairs): (Vec<Found>, Vec<LinePair>) =
         matches(ranking).into_iter().filter_map(|found| Some((found, line_pair(scene, found)?))).unzip();
     let solution = solve_pairs(&pairs, &PaperOptions::whitened());
-    let Some(pose) = solution.target_from_source else { return Err(objection(&solution.outcome)) };
+    let pose = solution.pose()?;
     let inliers: Vec<Found> = solution.inliers.iter().map(|&idx| found[idx]).collect();
     Ok(hypothesis(scene, &pose, &inliers))
 }
@@ -92,18 +91,4 @@ fn hypothesis(scene: &Scene<'_>, pose: &Motion, inliers: &[Found]) -> Hypothesis
     let refined = Refined { target_from_source: *pose, information, stop: Stop::SmallStep };
     let score = matches.iter().map(|found| found.gain).sum();
     Hypothesis { refined, matches, pnl, score, missing: Default::default(), noise_scale }
-}
-
-/// What the user is told when the loop ended without a pose.
-pub fn objection(outcome: &PaperOutcome) -> (State, Reason) {
-    let (state, code) = match outcome {
-        PaperOutcome::Converged
-        | PaperOutcome::TooFewPairs { .. }
-        | PaperOutcome::NoRoot
-        | PaperOutcome::TooFewVoters { .. } => (State::Collecting, ReasonCode::NotEnoughEvidence),
-        PaperOutcome::CostTooHigh { .. } => (State::Failed, ReasonCode::ResidualTooHigh),
-        PaperOutcome::NotObservable { .. } => (State::Degenerate, ReasonCode::AxisUnobservable),
-        PaperOutcome::Ambiguous { .. } => (State::Ambiguous, ReasonCode::RunnerUpTooClose),
-    };
-    (state, Reason { code, sentence: format!("the paper's estimator: {outcome}") })
 }

@@ -2,20 +2,11 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::solver::paper::convergence_vote::Tolerance;
-use crate::solver::paper::tests::scenes::{Parts, any_motion, in_view, pair, parts, penetrating, with_wrong};
+use crate::solver::paper::tests::scenes::{
+    Parts, any_motion, check_near, in_view, pair, parts, penetrating, variants, with_wrong,
+};
 use crate::solver::tests::room::Random;
 use crate::solver::{LinePair, TargetSide};
-
-fn variants() -> [PaperOptions; 2] {
-    [PaperOptions::as_published(), PaperOptions::whitened()]
-}
-
-#[track_caller]
-fn check_near(solution: &PaperSolution, truth: &Motion, (max_rad, max_m): (f64, f64)) {
-    let found = solution.target_from_source.unwrap_or_else(|| panic!("{}", solution.outcome));
-    let gaps = (rotation_gap_rad(&found, truth), translation_gap_m(&found, truth));
-    assert!(gaps.0 < max_rad && gaps.1 < max_m, "{gaps:?} {solution:?}");
-}
 
 #[test]
 fn exact_pairs_give_the_truth_for_any_rotation() {
@@ -40,13 +31,13 @@ fn a_third_of_wrong_pairs_is_left_out() {
     let (mut converged, mut wrong) = (0, 0);
     for _ in 0..10 {
         let truth = any_motion(&mut random);
-        let pairs = with_wrong(&penetrating(&mut random, &truth, (48, 1.0)), 16);
+        let pairs = with_wrong(&penetrating(&mut random, &truth, (72, 1.0)), 24);
         for options in variants() {
             let solution = solve_pairs(&pairs, &options);
             if solution.target_from_source.is_some() {
                 check_near(&solution, &truth, (0.009, 0.02));
                 converged += 1;
-                wrong += solution.inliers.iter().filter(|idx| **idx < 16).count();
+                wrong += solution.inliers.iter().filter(|idx| **idx < 24).count();
             }
         }
     }
@@ -77,7 +68,7 @@ fn swapped_roles_give_the_inverse() {
 }
 
 #[test]
-fn another_place_of_the_source_camera_carries_through() {
+fn another_place_of_either_camera_carries_through() {
     let mut random = Random::named("change of coordinates");
     for _ in 0..10 {
         let truth = any_motion(&mut random);
@@ -94,6 +85,10 @@ fn another_place_of_the_source_camera_carries_through() {
         let plain = solved(&truth, &Motion::identity()).target_from_source.expect("exact pairs");
         let moved = solved(&(truth * moved_from_source.inverse()), &moved_from_source);
         check_near(&moved, &(plain * moved_from_source.inverse()), (1e-5, 1e-5));
+        // The target's frame turned about its viewing axis, so that it still sees every line.
+        let turned_from_target = Motion::new(Vector3::zeros(), Vector3::z() * 2.0);
+        let turned = solved(&(turned_from_target * truth), &Motion::identity());
+        check_near(&turned, &(turned_from_target * plain), (1e-5, 1e-5));
     }
 }
 
@@ -105,104 +100,6 @@ fn the_order_of_the_pairs_does_not_matter() {
     let forth = solve_pairs(&pairs, &PaperOptions::default()).target_from_source.expect("enough pairs");
     let reversed: Vec<LinePair> = pairs.into_iter().rev().collect();
     check_near(&solve_pairs(&reversed, &PaperOptions::default()), &forth, (1e-3, 3e-3));
-}
-
-/// Noisy pairs of lines through points with directions, seen by cameras that look the same way.
-fn scene(
-    random: &mut Random,
-    truth: &Motion,
-    line: impl Fn(&mut Random) -> [Point3<f64>; 2],
-) -> Vec<LinePair> {
-    let parts = |[on_line, further]: [Point3<f64>; 2]| {
-        let along = (further - on_line).normalize() * 0.5;
-        ([on_line - along, on_line + along], [on_line - along * 0.6, on_line + along * 1.4])
-    };
-    let mut pairs = Vec::new();
-    for idx in 0..40 {
-        let parts = parts(line(random));
-        pairs.extend(pair(random, (idx, parts), truth, 1.0));
-    }
-    assert!(pairs.len() > 30);
-    pairs
-}
-
-fn forward_looking() -> Motion {
-    Motion::new(Vector3::new(0.2, -0.05, 0.1), Vector3::new(0.1, 0.3, -0.15))
-}
-
-/// No answer, or the right one; `true` when there was one.
-#[track_caller]
-fn check_never_wrong(pairs: &[LinePair], truth: &Motion) -> bool {
-    variants().iter().fold(false, |any, options| {
-        let solution = solve_pairs(pairs, options);
-        if solution.target_from_source.is_some() {
-            check_near(&solution, truth, (0.009, 0.02));
-        }
-        any || solution.target_from_source.is_some()
-    })
-}
-
-#[test]
-fn parallel_lines_and_a_single_line_give_no_answer() {
-    let mut random = Random::named("parallel lines");
-    for direction in [Vector3::x(), Vector3::y(), Vector3::new(0.3, 1.0, 0.2)] {
-        let parallel = scene(&mut random, &forward_looking(), |random| {
-            let on_line = in_view(random);
-            [on_line, on_line + direction]
-        });
-        assert!(!check_never_wrong(&parallel, &forward_looking()), "parallel to {direction}");
-        let on_line = Point3::new(0.1, 0.1, 2.0);
-        let single = scene(&mut random, &forward_looking(), |_| [on_line, on_line + direction]);
-        assert!(!check_never_wrong(&single, &forward_looking()), "one line along {direction}");
-    }
-}
-
-#[test]
-fn two_directions_through_one_point_give_no_answer() {
-    // Half a turn about the normal of both maps every line onto itself.
-    let mut random = Random::named("two lines");
-    let middle = Point3::new(0.1, -0.1, 2.0);
-    let turn = std::cell::Cell::new(false);
-    let two = scene(&mut random, &forward_looking(), |_| {
-        turn.set(!turn.get());
-        [middle, middle + if turn.get() { Vector3::new(1.0, 0.2, 0.3) } else { Vector3::new(0.2, 1.0, -0.2) }]
-    });
-    assert!(!check_never_wrong(&two, &forward_looking()));
-}
-
-#[test]
-fn lines_in_one_plane_through_one_point_or_seen_by_a_pure_shift_are_never_solved_wrong() {
-    let mut random = Random::named("special scenes");
-    for _ in 0..5 {
-        let wall = scene(&mut random, &forward_looking(), |random| {
-            let on_wall =
-                |random: &mut Random| Point3::new(0.8 * random.signed(), 0.6 * random.signed(), 2.0);
-            [on_wall(random), on_wall(random)]
-        });
-        check_never_wrong(&wall, &forward_looking());
-        let centre = Point3::new(0.1, -0.2, 2.2);
-        let star = scene(&mut random, &forward_looking(), |random| {
-            [centre, centre + Vector3::new(random.signed(), random.signed(), random.signed())]
-        });
-        check_never_wrong(&star, &forward_looking());
-        let shift = Motion::translation(0.3, 0.0, 0.0);
-        let shifted = scene(&mut random, &shift, |random| [in_view(random), in_view(random)]);
-        assert!(check_never_wrong(&shifted, &shift), "a pure shift is no special case");
-    }
-}
-
-#[test]
-fn cameras_that_see_different_lines_give_no_answer() {
-    let mut random = Random::named("unrelated");
-    for _ in 0..10 {
-        let truth = any_motion(&mut random);
-        let pairs = penetrating(&mut random, &truth, (40, 1.0));
-        let unrelated = with_wrong(&pairs, 40);
-        for options in variants() {
-            let solution = solve_pairs(&unrelated, &options);
-            assert_eq!(solution.target_from_source, None, "{solution:?}");
-        }
-    }
 }
 
 #[test]

@@ -101,3 +101,28 @@ fn the_start_takes_lines_of_either_orientation() {
         assert!(gap < 1e-9, "{gap}: {found} {truth}");
     }
 }
+
+#[test]
+fn the_same_pairs_are_let_in_whichever_way_their_lines_run() {
+    let mut random = Random::named("both signs");
+    for _ in 0..10 {
+        let truth = any_motion(&mut random);
+        let pairs = mixed(&truth, &mut random);
+        let mut turned = read(&pairs);
+        for pair in &mut turned {
+            if random.signed() < 0.0 {
+                pair.geometry.source_direction = -pair.geometry.source_direction;
+            }
+            match &mut pair.geometry.target {
+                TargetGeometry::Full(line) if random.signed() < 0.0 => line.direction = -line.direction,
+                TargetGeometry::Pnl(segment) if random.signed() < 0.0 => {
+                    segment.plane_normal = -segment.plane_normal;
+                }
+                _ => {}
+            }
+        }
+        for rule in [GateRule::WithinNoise { n_sigmas: 3.0 }, GateRule::Decreasing] {
+            assert_eq!(gate(&turned, rule), gate(&read(&pairs), rule));
+        }
+    }
+}

@@ -1,8 +1,8 @@
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::*;
-use crate::solver::paper::cgr::{cgr_of, rotation_from_cgr};
-use crate::solver::paper::tests::scenes::{any_motion, penetrating, read};
+use crate::solver::paper::cgr::rotation_from_cgr;
+use crate::solver::paper::tests::scenes::{any_motion, cgr_of, penetrating, read};
 use crate::solver::tests::room::Random;
 
 /// The paper's monomials.
@@ -67,7 +67,7 @@ fn the_translation_is_recovered_by_the_elimination() {
     for _ in 0..50 {
         let truth = any_motion(&mut random);
         let pairs = penetrating(&mut random, &truth, (8, 0.0));
-        let system = QuadraticSystem::of(read(&pairs).iter().map(|pair| (&pair.geometry, 1.0)));
+        let system = QuadraticSystem::of(read(&pairs).iter().map(|pair| &pair.geometry));
         let system = system.eliminate_translation().expect("many directions");
         let rotation = truth.rotation.to_rotation_matrix();
         assert!((system.translation_m(rotation.matrix()) - truth.translation.vector).amax() < 1e-9);
@@ -75,19 +75,6 @@ fn the_translation_is_recovered_by_the_elimination() {
         let turned = UnitQuaternion::from_euler_angles(0.1, 0.0, 0.0) * truth.rotation;
         assert!(system.cost_m2(turned.to_rotation_matrix().matrix()) > 1e-4);
     }
-}
-
-#[test]
-fn a_pair_without_weight_does_not_count() {
-    let mut random = Random::named("weights");
-    let truth = any_motion(&mut random);
-    let pairs = penetrating(&mut random, &truth, (9, 1.0));
-    let read = read(&pairs);
-    let without_last = QuadraticSystem::of(read[..8].iter().map(|pair| (&pair.geometry, 1.0)));
-    let weightless = QuadraticSystem::of(
-        read.iter().enumerate().map(|(i, pair)| (&pair.geometry, if i < 8 { 1.0 } else { 0.0 })),
-    );
-    assert_eq!(without_last, weightless);
 }
 
 #[test]
@@ -102,6 +89,6 @@ fn parallel_lines_leave_the_translation_open() {
         }),
     };
     let pairs: Vec<PairGeometry> = (0..6).map(|k| shifted(0.1 * f64::from(k))).collect();
-    let system = QuadraticSystem::of(pairs.iter().map(|pair| (pair, 1.0)));
+    let system = QuadraticSystem::of(pairs.iter());
     assert_eq!(system.eliminate_translation(), None);
 }

@@ -132,3 +132,28 @@ fn solved([i, j, k]: &[Vector3<f64>; 3], right: &Vector3<f64>) -> Option<Vector3
     // Beyond this it is no correction of a start that is nearly right.
     (step.amax() < 0.5).then_some(step)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::tests::room::Random;
+
+    #[test]
+    fn the_derivatives_agree_with_central_differences() {
+        let mut random = Random::named("forms");
+        for _ in 0..20 {
+            let quadrics = SMatrix::<f64, 3, 10>::from_fn(|_, _| random.gaussian());
+            let forms = Forms::orthonormal(&quadrics).expect("independent rows");
+            let values = |q: &Vector4<f64>| {
+                let products = (0..4).flat_map(|i| (i..4).map(move |j| (i, j)));
+                products.map(|(i, j)| forms.columns[MONOMIAL[i][j]] * (q[i] * q[j])).sum::<Vector3<f64>>()
+            };
+            let q = random.rotation().coords;
+            for (axis, derivative) in forms.derivatives(&q).iter().enumerate() {
+                let step = Vector4::ith(axis, 1e-5);
+                let difference = (values(&(q + step)) - values(&(q - step))) / 2e-5;
+                assert!((difference - derivative).amax() < 1e-9, "axis {axis}: {difference} {derivative}");
+            }
+        }
+    }
+}

@@ -5,6 +5,11 @@ use crate::solver::tests::room::Random;
 
 type Quadrics = SMatrix<f64, 3, 10>;
 
+/// As [`re3q3`], those at infinity included.
+fn re3q3_projective(quadrics: &Quadrics) -> Roots<4> {
+    Forms::orthonormal(quadrics).map_or_else(Roots::none, |forms| projective_roots(&forms))
+}
+
 /// The paper's r of eq. 5 of a homogeneous point, written out once more.
 fn monomials(q: &Vector4<f64>) -> SVector<f64, 10> {
     let [x, y, z, w] = [q.x, q.y, q.z, q.w];
@@ -149,7 +154,7 @@ fn check_rotation(random: &mut Random, truth: &UnitQuaternion<f64>) {
     let error_rad = roots
         .as_slice()
         .iter()
-        .map(|root| crate::solver::paper::cgr::rotation_from_projective(root).angle_to(truth))
+        .map(|root| UnitQuaternion::from_quaternion(Quaternion::from(*root)).angle_to(truth))
         .fold(f64::INFINITY, f64::min);
     assert!(error_rad < 1e-6, "{truth} missed by {error_rad} rad");
 }

@@ -1,3 +1,4 @@
-//! Scenes that the tests of several steps share.
+//! Scenes that the tests of several steps share, and what the whole estimator makes of degenerate ones.
 
+mod degenerate;
 pub mod scenes;

@@ -1,12 +1,13 @@
 //! Matched pairs of lines with known truth, noise exactly as the observations say.
 
-use nalgebra::{Matrix2, Point3, Translation3, Vector3};
+use nalgebra::{Matrix2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use crate::geometry::motion::Motion;
+use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use crate::geometry::{DepthFit, EdgeSide, LineObservation, PixelPoint, RayPoint, Segment};
 use crate::solver::LinePair;
 use crate::solver::paper::pair_geometry::PairGeometry;
 use crate::solver::paper::refine::ReadPair;
+use crate::solver::paper::{PaperOptions, PaperSolution};
 use crate::solver::tests::room::Random;
 
 /// Noise across a segment's ends on the plane z = 1: half a pixel.
@@ -101,4 +102,23 @@ pub fn with_wrong(pairs: &[LinePair], n_wrong: usize) -> Vec<LinePair> {
 pub fn read(pairs: &[LinePair]) -> Vec<ReadPair<'_>> {
     let read = |pair| ReadPair { pair, geometry: PairGeometry::try_new(pair).expect("finite numbers") };
     pairs.iter().map(read).collect()
+}
+
+/// The Cayley vector of a rotation, the quaternion's (x, y, z) / w; `None` within 1e-6 deg of half a turn.
+pub fn cgr_of(rotation: &Rotation3<f64>) -> Option<Vector3<f64>> {
+    let quaternion = UnitQuaternion::from_rotation_matrix(rotation);
+    (quaternion.w.abs() > 1e-8).then(|| quaternion.imag() / quaternion.w)
+}
+
+/// The options that every test of the whole estimator is run with.
+pub fn variants() -> [PaperOptions; 2] {
+    [PaperOptions::as_published(), PaperOptions::whitened()]
+}
+
+/// That there is a pose, and near the truth.
+#[track_caller]
+pub fn check_near(solution: &PaperSolution, truth: &Motion, (max_rad, max_m): (f64, f64)) {
+    let found = solution.target_from_source.unwrap_or_else(|| panic!("{}", solution.outcome));
+    let gaps = (rotation_gap_rad(&found, truth), translation_gap_m(&found, truth));
+    assert!(gaps.0 < max_rad && gaps.1 < max_m, "{gaps:?} {solution:?}");
 }

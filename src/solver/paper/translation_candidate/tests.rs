@@ -228,3 +228,27 @@ fn a_segment_of_no_length_leaves_no_plane() {
     }
     assert_eq!(TranslationCandidate::try_new(&pair, &UnitQuaternion::identity().into(), 2.0), None);
 }
+
+#[test]
+fn the_derivatives_of_direction_and_moment_agree_with_central_differences() {
+    let mut random = Random::named("line derivatives");
+    for _ in 0..20 {
+        let [a_m, b_m] = Edge::random(&mut random).source_m;
+        let line = |number: usize, step: f64| {
+            let mut noise = [0.0; 4];
+            noise[number] = step;
+            EvidenceLine::try_new(&observed(&a_m, &b_m, noise)).expect("lifted")
+        };
+        let (d_direction, d_moment) = derivatives(&line(0, 0.0));
+        for number in 0..4 {
+            let (before, after) = (line(number, -1e-6), line(number, 1e-6));
+            let direction = (after.direction.into_inner() - before.direction.into_inner()) / 2e-6;
+            assert!(
+                (direction - d_direction.column(number)).amax() < 1e-6,
+                "{number}: {direction} {d_direction}"
+            );
+            let moment = (moment_m(&after) - moment_m(&before)) / 2e-6;
+            assert!((moment - d_moment.column(number)).amax() < 1e-6, "{number}: {moment} {d_moment}");
+        }
+    }
+}

@@ -87,3 +87,15 @@ fn a_root_at_infinity_is_the_ratio_one_to_nothing() {
         real_roots(&values(&octic)).as_slice().iter().any(|ratio| ratio.u == 1.0 && ratio.v.abs() < 1e-12)
     );
 }
+
+#[test]
+fn both_derivatives_agree_with_central_differences() {
+    let octic = with_roots([0.5, 0.2, -0.6, 0.8, 2.0, -3.0, 5.0, -8.0]);
+    for x in [-1.0, -0.4, 0.0, 0.3, 0.9] {
+        let (before, after) = (value_and_slope(&octic, x - 1e-5), value_and_slope(&octic, x + 1e-5));
+        let (slope, curvature) = slope_and_curvature(&octic, x);
+        assert!((value_and_slope(&octic, x).1 - slope).abs() < 1e-12);
+        assert!(((after.0 - before.0) / 2e-5 - slope).abs() < 1e-8, "{x}: {slope}");
+        assert!(((after.1 - before.1) / 2e-5 - curvature).abs() < 1e-8, "{x}: {curvature}");
+    }
+}
