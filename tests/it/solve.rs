@@ -194,7 +194,7 @@ fn impossible_values_are_told_with_file_line_and_key() {
         |problem| problem["lines"][3]["s2"] = json!([1.0, 2.0, 1.0, 2.0]),
         &["lines[3].s2", "0 px long"],
     );
-    check_bad(|problem| problem["lines"][3]["s2"][0] = json!(1e30), &["lines[3].s2", "100000"]);
+    check_bad(|problem| problem["lines"][3]["s2"][0] = json!(1e30), &["lines[3].s2 has 1.0e30:", "100000"]);
     check_bad(|problem| problem["lines"][4]["s3"][2] = json!(-1.0), &["lines[4].s3", "depth -1 m", "0.05"]);
     check_bad(|problem| problem["lines"][4]["s3"][5] = json!(0.0), &["lines[4].s3", "depth 0 m"]);
     check_bad(|problem| problem["lines"][4]["s3"][0] = json!(1e300), &["lines[4].s3", "fx = fy = 600"]);
@@ -231,7 +231,7 @@ fn what_is_not_the_format_is_told_with_file_and_line() {
 fn files_that_cannot_be_read_are_told_by_name() {
     let env = TestEnv::new();
     env.pelical(&["solve", "nowhere.jsonl"]).expect_code(65).expect_talk(&["nowhere.jsonl", "No such file"]);
-    env.pelical(&["solve", "."]).expect_code(65).expect_talk(&["."]);
+    env.pelical(&["solve", "."]).expect_code(65).expect_talk(&[".: cannot be read", "it is a folder"]);
     env.pelical(&["solve"]).expect_code(2);
     solve("", &[]).expect_code(65).expect_talk(&["pairs.jsonl", "no problem"]);
     solve(" \n\n", &[]).expect_code(65).expect_talk(&["no problem"]);
