@@ -170,7 +170,11 @@ impl RigEstimator {
             match pose_by_paper(&scene, &ranking).and_then(|best| confronted(best, &pair, &limits)) {
                 Ok(best) => ranking = ranking.with_best(best),
                 Err((state, reason)) => {
-                    (estimate.state, estimate.reason) = (state, Some(reason));
+                    // Where the consensus lacks evidence too, that is the better advice.
+                    let bench = Bench { scene, ranking: &ranking, limits: self.options.verdict };
+                    let objection = judge(&bench);
+                    (estimate.state, estimate.reason) =
+                        if objection.1.is_some() { objection } else { (state, Some(reason)) };
                     return JudgedPair { estimate, ranking: None };
                 }
             }

@@ -184,7 +184,9 @@ impl Watch {
         *count = if before.is_same(&finding) { count.saturating_add(1) } else { 1 };
         *before = finding;
         match &*before {
-            Finding::Moved(moved) if *count >= RAISE_AFTER => self.report.moved.clone_from(moved),
+            Finding::Moved(moved) if *count >= RAISE_AFTER => {
+                self.report.moved = not_widened(moved, &self.report.moved);
+            }
             Finding::Confirmed => {
                 if *count >= CLEAR_AFTER {
                     self.report.moved.clear();
@@ -194,6 +196,22 @@ impl Watch {
             _ => {}
         }
     }
+}
+
+/// The newer finding, but a camera that was named before stays named where the newer one only says that it was one of two: looks
+/// that cannot tell take nothing back.
+fn not_widened(newer: &[Moved], before: &[Moved]) -> Vec<Moved> {
+    let named = |a: usize, b: usize| {
+        before.iter().find(|moved| moved.who == Who::Camera(a) || moved.who == Who::Camera(b))
+    };
+    let keep = |moved: &Moved| match moved.who {
+        Who::OneOf(a, b) => *named(a, b).unwrap_or(moved),
+        Who::Camera(_) => *moved,
+    };
+    let mut kept: Vec<Moved> = newer.iter().map(keep).collect();
+    kept.sort_by(|a, b| a.who.cmp(&b.who));
+    kept.dedup_by_key(|moved| moved.who);
+    kept
 }
 
 impl Finding {
@@ -216,5 +234,27 @@ impl Who {
             Who::Camera(camera) => camera == target || camera == source,
             Who::OneOf(a, b) => (a, b) == (target, source),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_that_was_named_stays_named_when_later_looks_cannot_tell() {
+        let moved = |who, translation_m| Moved {
+            who,
+            rotation_rad: 0.01,
+            sigma_rotation_rad: 0.001,
+            translation_m,
+            sigma_translation_m: 0.001,
+        };
+        let before = [moved(Who::Camera(1), 0.03)];
+        assert_eq!(not_widened(&[moved(Who::OneOf(0, 1), 0.04)], &before), before);
+        let elsewhere = [moved(Who::OneOf(0, 2), 0.04)];
+        assert_eq!(not_widened(&elsewhere, &before), elsewhere);
+        let surer = [moved(Who::Camera(0), 0.02)];
+        assert_eq!(not_widened(&surer, &before), surer, "another camera named replaces the first");
     }
 }
