@@ -209,7 +209,7 @@ fn not_widened(newer: &[Moved], before: &[Moved]) -> Vec<Moved> {
         Who::Camera(_) => *moved,
     };
     let mut kept: Vec<Moved> = newer.iter().map(keep).collect();
-    kept.sort_by(|a, b| a.who.cmp(&b.who));
+    kept.sort_by_key(|moved| moved.who);
     kept.dedup_by_key(|moved| moved.who);
     kept
 }

@@ -125,8 +125,9 @@ fn evidence(bench: &Bench<'_>) -> Option<Objection> {
     if k >= min_matches && chance <= max_chance {
         return None;
     }
+    let chance = if chance < 0.1 { format!("{chance:.0e}") } else { format!("{chance:.1}") };
     let sentence = format!(
-        "the best pose explains {k} of {n} different matches; by chance alone {chance:.1e} poses would explain as many \
+        "the best pose explains {k} of {n} different matches; by chance alone {chance} poses would explain as many \
          (limit {max_chance:.0e}, and {min_matches} matches): show more straight edges that run through both cameras"
     );
     Some(object(State::Collecting, ReasonCode::NotEnoughEvidence, sentence))
