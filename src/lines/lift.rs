@@ -51,6 +51,10 @@ impl Default for LiftOptions {
     }
 }
 
+/// What an edge's place in the image differs by from camera to camera beyond the noise of one picture, px: light and background
+/// change with the viewpoint, and no edge is perfectly sharp.
+const VIEW_SIGMA_PX: f64 = 0.21;
+
 /// Lifts segments; owns its scratch memory.
 #[derive(Debug)]
 pub struct Lifter {
@@ -99,7 +103,7 @@ impl Lifter {
             LineObservation {
                 segment: *segment,
                 ends,
-                sigma_across: segment.sigma_across_px / camera.mean_focal_px(),
+                sigma_across: segment.sigma_across_px.hypot(VIEW_SIGMA_PX) / camera.mean_focal_px(),
                 depth: self.depth_of(segment, depth, camera),
             }
         }));
