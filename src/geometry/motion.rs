@@ -1,6 +1,6 @@
 //! Rigid motions: how far two are apart, and small updates of one.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
 /// A rigid motion `to_from_from`; the direction is in the variable's name.
 pub type Motion = Isometry3<f64>;
@@ -23,6 +23,19 @@ pub fn updated(to_from_from: &Motion, step: &Vector6<f64>) -> Motion {
         Translation3::from(translation),
         UnitQuaternion::new_normalize((rotation * to_from_from.rotation).into_inner()),
     )
+}
+
+/// How a step of the inverse motion follows from a step of the motion (see [`updated`]).
+///
+/// `R' = Rᵀ` and `t' = -Rᵀ t`: a turn `exp(dr) R` turns the inverse by `-Rᵀ dr`, and with `t + dt` moves it by
+/// `-Rᵀ dt - Rᵀ [t]x dr`.
+pub fn d_inverse_step_d_step(motion: &Motion) -> Matrix6<f64> {
+    let turn_back = -motion.rotation.inverse().to_rotation_matrix().into_inner();
+    let mut derivative = Matrix6::zeros();
+    derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn_back);
+    derivative.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn_back);
+    derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turn_back * hat(&motion.translation.vector)));
+    derivative
 }
 
 /// The matrix `[v]x` with `[v]x w = v × w`.
@@ -53,6 +66,21 @@ mod tests {
         let end = updated(&start, &step);
         assert!((rotation_gap_rad(&start, &end) - 1f64.to_radians()).abs() < 1e-12);
         assert!((translation_gap_m(&start, &end) - 0.005).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_step_of_the_inverse_follows_from_the_step() {
+        let motion = Motion::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.4, -0.9, 0.2));
+        let by_step = d_inverse_step_d_step(&motion);
+        for axis in 0..6 {
+            let mut step = Vector6::zeros();
+            step[axis] = 1e-7;
+            let moved = updated(&motion, &step).inverse();
+            let expected = updated(&motion.inverse(), &(by_step * step));
+            assert!(
+                translation_gap_m(&moved, &expected) < 1e-12 && rotation_gap_rad(&moved, &expected) < 1e-12
+            );
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use nalgebra::{Matrix3, Matrix6, Vector6};
 
-use crate::geometry::motion::{Motion, hat};
+use crate::geometry::motion::{Motion, d_inverse_step_d_step, hat};
 
 /// A loop may miss by this much (squared, in standard deviations; 99.9 % for six degrees of freedom is 22.5).
 const MAX_DISTANCE2: f64 = 30.0;
@@ -38,11 +38,8 @@ impl UncertainMotion {
 
     /// The way back.
     pub fn inverse(&self) -> Self {
-        let motion = self.motion.inverse();
-        let turn = motion.rotation.to_rotation_matrix().into_inner();
-        // t' = -R' t, so that dt' = -R' dt - R' [t]x dr, and dr' = -R' dr.
-        let d_step = blocks(&-turn, &(-turn * hat(&self.motion.translation.vector)));
-        Self { motion, covariance: d_step * self.covariance * d_step.transpose() }
+        let d_step = d_inverse_step_d_step(&self.motion);
+        Self { motion: self.motion.inverse(), covariance: d_step * self.covariance * d_step.transpose() }
     }
 
     /// `self * next`, their errors independent.

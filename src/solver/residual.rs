@@ -5,13 +5,11 @@
 //! line's, carried over; to first order this is the maximum-likelihood estimate with the line itself eliminated. A target without
 //! depth (the paper's PnL case) measures the two offsets alone.
 
-use nalgebra::{
-    Matrix2, Matrix2x6, Matrix3, Matrix4, Matrix4x6, Matrix6, Point3, SMatrix, Vector2, Vector3, Vector4,
-};
+use nalgebra::{Matrix2, Matrix2x6, Matrix3, Matrix4, Matrix4x6, Point3, SMatrix, Vector2, Vector3, Vector4};
 
 use super::evidence::EvidenceLine;
 use crate::geometry::LineObservation;
-use crate::geometry::motion::{Motion, hat};
+use crate::geometry::motion::{Motion, d_inverse_step_d_step, hat};
 
 /// Measured minus predicted, with derivatives and covariance.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,19 +86,6 @@ pub fn reversed_offset_residual(
     let mut found = offset_residual(source, target, &target_from_source.inverse())?;
     found.d_residual_d_pose *= d_inverse_step_d_step(target_from_source);
     Some(found)
-}
-
-/// How a step of the inverse motion follows from a step of the motion.
-///
-/// `R' = Rᵀ` and `t' = -Rᵀ t`: a turn `exp(dr) R` turns the inverse by `-Rᵀ dr`, and with `t + dt` moves it by
-/// `-Rᵀ dt - Rᵀ [t]x dr`.
-fn d_inverse_step_d_step(motion: &Motion) -> Matrix6<f64> {
-    let turn_back = -motion.rotation.inverse().to_rotation_matrix().into_inner();
-    let mut derivative = Matrix6::zeros();
-    derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn_back);
-    derivative.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn_back);
-    derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turn_back * hat(&motion.translation.vector)));
-    derivative
 }
 
 /// The source line in the target's frame.

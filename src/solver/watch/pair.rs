@@ -5,7 +5,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::WatchLimits;
 use crate::geometry::Camera;
-use crate::geometry::motion::{Motion, hat};
+use crate::geometry::motion::{Motion, d_inverse_step_d_step};
 use crate::solver::association::{Gate, Match, Scene};
 use crate::solver::candidates::PairEvidence;
 use crate::solver::consensus::{
@@ -308,38 +308,4 @@ fn mean_variances(covariance: &Matrix6<f64>) -> (f64, f64) {
 
 fn n_lines(set: &EvidenceSet, camera: usize) -> usize {
     set.views.get(camera).and_then(Option::as_ref).map_or(0, |view| view.lines.len())
-}
-
-/// How a step of the inverse motion follows from a step of a motion `t + dt`, `exp(dr) R`.
-///
-/// With `R' = Rᵀ` and `t' = -Rᵀ t`: `dr' = -Rᵀ dr` and `dt' = -Rᵀ dt - Rᵀ [t]x dr`.
-fn d_inverse_step_d_step(motion: &Motion) -> Matrix6<f64> {
-    let back = -motion.rotation.inverse().to_rotation_matrix().into_inner();
-    let mut by_step = Matrix6::zeros();
-    by_step.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
-    by_step.fixed_view_mut::<3, 3>(0, 3).copy_from(&(back * hat(&motion.translation.vector)));
-    by_step.fixed_view_mut::<3, 3>(3, 3).copy_from(&back);
-    by_step
-}
-
-#[cfg(test)]
-mod tests {
-    use nalgebra::Vector3;
-
-    use super::*;
-    use crate::geometry::motion::updated;
-
-    #[test]
-    fn the_step_of_the_inverse_follows_from_the_step() {
-        let motion = Motion::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.4, -0.9, 0.2));
-        let by_step = d_inverse_step_d_step(&motion);
-        for axis in 0..6 {
-            let mut step = Vector6::zeros();
-            step[axis] = 1e-7;
-            let moved = updated(&motion, &step).inverse();
-            let expected = updated(&motion.inverse(), &(by_step * step));
-            assert!((moved.translation.vector - expected.translation.vector).norm() < 1e-12);
-            assert!(moved.rotation.angle_to(&expected.rotation) < 1e-12);
-        }
-    }
 }
