@@ -22,7 +22,8 @@ static LOADED: Mutex<Option<(PathBuf, Environment)>> = Mutex::new(None);
 
 /// The environment of the library at `runtime`, else at `ORT_DYLIB_PATH`, else of the system's default name.
 pub(super) fn environment(runtime: Option<&Path>) -> Result<Environment, LearnedError> {
-    let path = runtime.map_or_else(default_path, Path::to_path_buf);
+    // A bare name from the config is a file, not a name for the system's search.
+    let path = runtime.map_or_else(default_path, |path| std::path::absolute(path).unwrap_or(path.to_owned()));
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some((loaded, environment)) = loaded.as_ref() {
         if *loaded == path {

@@ -144,6 +144,17 @@ fn the_same_image_gives_the_same_bits_and_serves_any_number_of_pairs() {
 }
 
 #[test]
+fn segments_outside_the_image_or_without_numbers_are_no_error() {
+    for models in [&["dense.onnx"][..], &["dense.onnx", "glue.onnx"], &["dense.onnx", "wireframe.onnx"]] {
+        let Some(options) = tiny_options(models) else { return };
+        let mut segments = golden().segments;
+        segments[0].push(segment([-50.0, 1e6, 400.0, -1e9]));
+        segments[1].push(segment([f64::NAN, 3.0, 20.0, f64::INFINITY]));
+        scores(&options, &segments).expect("scored or not, but no error");
+    }
+}
+
+#[test]
 fn images_without_lines_have_no_matches() {
     for models in [
         &["dense.onnx"][..],
