@@ -135,7 +135,7 @@ fn the_same_image_gives_the_same_bits_and_serves_any_number_of_pairs() {
     let Some(options) = tiny_options(&["dense.onnx", "glue.onnx"]) else { return };
     let mut matcher = LearnedMatcher::load(&options).expect("the models fit");
     let [target, source] = golden().segments;
-    let [first, second] = [0, 1].map(|which| image(which));
+    let [first, second] = [0, 1].map(image);
     let features =
         [&first, &second].map(|pixels| matcher.image_features(&view(pixels)).expect("the model runs"));
     let mut score =
