@@ -92,6 +92,8 @@ fn builder(environment: &Environment, options: &LearnedOptions) -> ort::Result<S
         .with_log_level(LogLevel::Warning)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .with_intra_threads(options.threads)?
+        // It keeps a plan for every shape it meets, and each pair of images has its own: memory would grow without end.
+        .with_memory_pattern(false)?
         // Threads that wait by spinning would take the cores of the frame path.
         .with_intra_op_spinning(false)?;
     Ok(builder)
