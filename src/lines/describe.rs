@@ -213,3 +213,6 @@ impl Course {
         std::array::from_fn(|i| self.start[i] + (self.end[i] - self.start[i]) * at)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,6 +10,9 @@ mod packed;
 mod table;
 mod tone;
 
+#[cfg(test)]
+mod tests;
+
 use super::describe::LineDescriptor;
 use crate::geometry::{LineObservation, ScoredMatch};
 use calibration::{nats, trust};
@@ -45,13 +48,13 @@ impl<'a> LooksOf<'a> {
 pub fn score_lines(target: LooksOf<'_>, source: LooksOf<'_>) -> Vec<ScoredMatch> {
     let [target, source] = [target, source].map(|looks| looks.described());
     let Some(shift) = Tone::shift_between(target.looks, source.looks) else { return Vec::new() };
-    let pairs = likenesses(target.looks, source.looks, &shift);
+    let pairs = likenesses(target, source, &shift);
     let length_px = |looks: LooksOf<'_>, line: usize| looks.lines[line].segment.length_px();
     let nats: Vec<f64> = pairs
         .iter()
         .map(|pair| nats(pair, length_px(target, pair.target).min(length_px(source, pair.source))))
         .collect();
-    let trust = trust(&nats, target.lines.len().min(source.lines.len()));
+    let trust = trust(pairs.iter().zip(nats.iter().copied()), target.lines.len().min(source.lines.len()));
     let scored = pairs.iter().zip(nats).map(|(pair, nats)| ScoredMatch {
         target: pair.target as u32,
         source: pair.source as u32,

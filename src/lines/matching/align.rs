@@ -49,9 +49,10 @@ type PieceGaps = [[f32; MAX_PIECES]; MAX_PIECES];
 
 fn piece_gaps(fine: &PackedLine, coarse: &PackedLine) -> PieceGaps {
     let mut gaps = [[0.0; MAX_PIECES]; MAX_PIECES];
+    let owner = fine.common_owner(coarse);
     for (row, a) in gaps.iter_mut().zip(fine.pieces()) {
         for (slot, b) in row.iter_mut().zip(coarse.pieces()) {
-            *slot = gap(a, b);
+            *slot = gap(a, b, owner);
         }
     }
     gaps

@@ -40,17 +40,21 @@ fn on_curve(x: f64) -> f64 {
     y0 + (y1 - y0) * (x - x0) / (x1 - x0)
 }
 
-/// A pair of lines counts as strong from here, nats.
+/// A pair of lines counts as strong from here, nats ...
 const STRONG_NATS: f64 = 6.0;
+/// ... and if it is so much more alike than either is to another line of its own image: lines of one place are rivals of their kind.
+const STRONG_OWN_SHARE: f32 = 0.9;
 /// Strong pairs at which the images are believed by half: some, and a share of the lines of the poorer image. Without any overlap
-/// there are 5 in the median and fewer than this in 19 of 20 pairs of images, nearly all of them wrong.
-const HALF_STRONG: f64 = 7.0;
-const HALF_STRONG_PER_LINE: f64 = 0.085;
+/// there is 1 in the median and fewer than this in 19 of 20 pairs of images.
+const HALF_STRONG: f64 = 4.2;
+const HALF_STRONG_PER_LINE: f64 = 0.05;
 
 /// How far to believe what was said of the lines of two images, 0 to 1. Without overlap a few lines always look alike,
 /// and the same ones in frame set after frame set: as evidence they must not add up.
-pub(super) fn trust(nats: &[f64], n_lines_of_poorer: usize) -> f64 {
-    let n_strong = nats.iter().filter(|nats| **nats >= STRONG_NATS).count() as f64;
+pub(super) fn trust<'a>(scored: impl Iterator<Item = (&'a Likeness, f64)>, n_lines_of_poorer: usize) -> f64 {
+    let is_strong =
+        |(pair, nats): &(&Likeness, f64)| *nats >= STRONG_NATS && pair.gap < STRONG_OWN_SHARE * pair.own_gap;
+    let n_strong = scored.filter(is_strong).count() as f64;
     let half = HALF_STRONG + HALF_STRONG_PER_LINE * n_lines_of_poorer as f64;
     let odds = ((n_strong + 1.0) / half).powi(4);
     odds / (1.0 + odds)

@@ -1,10 +1,11 @@
 //! How unlike the lines of two images are, in itself and beside the lines that could be mistaken for them.
 
+use super::LooksOf;
 use super::align::align;
 use super::packed::{PackedLine, gap};
 use super::table::{LeastTwo, Table};
 use super::tone::Tone;
-use crate::lines::describe::LineDescriptor;
+use crate::geometry::{EdgeSide, LineObservation};
 
 /// Pairs of a line that are compared piece by piece.
 const SHORTLISTED_PER_LINE: usize = 6;
@@ -28,14 +29,10 @@ pub(super) struct Likeness {
 }
 
 /// The most alike pairs of two images whose tones differ by `shift`.
-pub(super) fn likenesses(
-    target: &[LineDescriptor],
-    source: &[LineDescriptor],
-    shift: &Tone,
-) -> Vec<Likeness> {
+pub(super) fn likenesses(target: LooksOf<'_>, source: LooksOf<'_>, shift: &Tone) -> Vec<Likeness> {
     // Half each, so that swapped roles do the same sums.
-    let target: Vec<_> = target.iter().map(|look| PackedLine::of(look, &shift.scaled(0.5))).collect();
-    let source: Vec<_> = source.iter().map(|look| PackedLine::of(look, &shift.scaled(-0.5))).collect();
+    let target = packed(target, &shift.scaled(0.5));
+    let source = packed(source, &shift.scaled(-0.5));
     let whole = whole_gaps(&target, &source);
     let pairs = whole.shortlist(SHORTLISTED_PER_LINE);
     let gaps: Vec<f32> =
@@ -55,13 +52,27 @@ pub(super) fn likenesses(
         .collect()
 }
 
+fn packed(looks: LooksOf<'_>, tone: &Tone) -> Vec<PackedLine> {
+    let lines = looks.lines.iter().zip(looks.looks);
+    lines.map(|(line, look)| PackedLine::of(look, owner(line), tone)).collect()
+}
+
+/// 0 for left, 1 for right; `None` where both sides end at the edge, or without depth.
+fn owner(line: &LineObservation) -> Option<usize> {
+    match line.depth?.side {
+        EdgeSide::Left => Some(0),
+        EdgeSide::Right => Some(1),
+        EdgeSide::Both => None,
+    }
+}
+
 fn whole_gaps(a: &[PackedLine], b: &[PackedLine]) -> Table {
     Table::new((a.len(), b.len()), |i, j| whole_gap(&a[i], &b[j]))
 }
 
 fn whole_gap(a: &PackedLine, b: &PackedLine) -> f32 {
     let are_described = !a.pieces().is_empty() && !b.pieces().is_empty();
-    if are_described { gap(&a.whole, &b.whole) } else { f32::INFINITY }
+    if are_described { gap(&a.whole, &b.whole, a.common_owner(b)) } else { f32::INFINITY }
 }
 
 fn full_gap(whole: f32, a: &PackedLine, b: &PackedLine) -> f32 {

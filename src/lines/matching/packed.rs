@@ -17,6 +17,9 @@ const MIN_SEEN: f32 = 0.3;
 /// What a side counts that one of the two images does not show: about as much as two sides taken at random.
 const UNSEEN: f32 = 0.8;
 
+/// What the side of an occluding edge that does not own it counts at most.
+const OTHER_BACKGROUND: f32 = 0.2;
+
 const LIGHT_LANE: f32 = LIGHT_WEIGHT / BANDS as f32;
 const COLOUR_LANE: f32 = COLOUR_WEIGHT / ZONES as f32;
 const SPREAD_LANE: f32 = SPREAD_WEIGHT / ZONES as f32;
@@ -78,9 +81,12 @@ impl PackedSide {
 /// Left and right.
 pub(super) type PackedSides = [PackedSide; 2];
 
-/// Mean over both sides.
-pub(super) fn gap(a: &PackedSides, b: &PackedSides) -> f32 {
-    0.5 * (a[0].gap(&b[0]) + a[1].gap(&b[1]))
+/// How unlike two lines or pieces are: the mean over both sides, or where both cameras saw the same side own the edge, no more than
+/// that side says and a little: behind an occluding edge each camera sees something else.
+pub(super) fn gap(a: &PackedSides, b: &PackedSides, owner: Option<usize>) -> f32 {
+    let sides = [a[0].gap(&b[0]), a[1].gap(&b[1])];
+    let mean = 0.5 * (sides[0] + sides[1]);
+    owner.map_or(mean, |side| mean.min(sides[side] + OTHER_BACKGROUND))
 }
 
 /// A line with a tone taken off.
@@ -90,15 +96,16 @@ pub(super) struct PackedLine {
     pieces: [PackedSides; MAX_PIECES],
     n_pieces: usize,
     pub(super) piece_m: f32,
+    owner: Option<usize>,
 }
 
 impl PackedLine {
-    /// The look less `tone`.
-    pub(super) fn of(look: &LineDescriptor, tone: &Tone) -> Self {
+    /// The look less `tone`; `owner` is the side whose surface ends at the edge, where only one does.
+    pub(super) fn of(look: &LineDescriptor, owner: Option<usize>, tone: &Tone) -> Self {
         let sides = |sides: &[SideLook; 2]| [0, 1].map(|side| PackedSide::of(&sides[side], tone));
         let n_pieces = usize::from(look.n_pieces).min(MAX_PIECES);
         let pieces = std::array::from_fn(|idx| sides(&look.pieces[idx]));
-        Self { whole: sides(&look.whole), pieces, n_pieces, piece_m: look.piece_m }
+        Self { whole: sides(&look.whole), pieces, n_pieces, piece_m: look.piece_m, owner }
     }
 
     /// From start to end; none for a line that was not described.
@@ -108,5 +115,10 @@ impl PackedLine {
 
     pub(super) fn length_m(&self) -> f32 {
         self.piece_m * self.n_pieces as f32
+    }
+
+    /// The side that owns both edges.
+    pub(super) fn common_owner(&self, other: &Self) -> Option<usize> {
+        self.owner.filter(|_| self.owner == other.owner)
     }
 }

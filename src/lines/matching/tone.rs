@@ -45,7 +45,7 @@ impl Tone {
         let [toneless_target, toneless_source] = [target, source].map(toneless);
         let table = Table::new((target.len(), source.len()), |t, s| {
             match (&toneless_target[t], &toneless_source[s]) {
-                (Some(a), Some(b)) => gap(&a.whole, &b.whole),
+                (Some(a), Some(b)) => gap(&a.whole, &b.whole, None),
                 _ => f32::INFINITY,
             }
         });
@@ -72,7 +72,7 @@ impl Tone {
 fn toneless(looks: &[LineDescriptor]) -> Vec<Option<PackedLine>> {
     let usable =
         |look: &LineDescriptor| look.n_pieces > 0 && look.whole.iter().all(|side| side.seen >= MIN_SEEN);
-    looks.iter().map(|look| usable(look).then(|| PackedLine::of(look, &Tone::of(look)))).collect()
+    looks.iter().map(|look| usable(look).then(|| PackedLine::of(look, None, &Tone::of(look)))).collect()
 }
 
 /// Of an even number the mean of the middle two, so that swapped roles give exactly the opposite.
