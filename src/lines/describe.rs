@@ -63,21 +63,29 @@ impl Default for LineDescriptor {
     }
 }
 
+/// Lines of a busy image; more would allocate once.
+const LINES_RESERVED: usize = 1024;
+
 /// Describes lines; owns its tables and scratch memory.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Describer {
     log_light: LogLight,
     inverse_depths_per_m: Vec<f64>,
 }
 
+impl Default for Describer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Describer {
     /// A describer.
     pub fn new() -> Self {
-        Self::default()
+        Self { log_light: LogLight::default(), inverse_depths_per_m: Vec::with_capacity(LINES_RESERVED) }
     }
 
-    /// Replaces `looks` by one descriptor per line, in the same order. After the first image of a stream nothing is allocated
-    /// as long as there are not more lines than before.
+    /// Replaces `looks` by one descriptor per line, in the same order. Allocates only where `looks` has too little room.
     pub fn describe(
         &mut self,
         image: &RgbView<'_>,
