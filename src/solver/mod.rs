@@ -1,5 +1,6 @@
 //! From lines seen by several cameras to the extrinsics of the rig.
 
+pub mod appearance;
 pub mod association;
 mod axes;
 pub mod candidates;
