@@ -1,4 +1,4 @@
-//! What appearance says of the lines that are kept: scores by their indices, within the bounds to which they are believed.
+//! What appearance says of the lines that are kept: scores by their indices, and the bounds within which they are believed.
 
 use super::evidence::EvidenceView;
 use crate::geometry::{PairScores, ScoredMatch};
@@ -28,7 +28,7 @@ pub fn in_kept_lines(scores: &PairScores, views: &[Option<EvidenceView>]) -> Opt
             Some(ScoredMatch {
                 target: place(&targets, found.target)?,
                 source: place(&sources, found.source)?,
-                nats: found.nats.clamp(MIN_NATS, MAX_NATS),
+                nats: found.nats,
             })
         })
         .collect();
@@ -37,10 +37,10 @@ pub fn in_kept_lines(scores: &PairScores, views: &[Option<EvidenceView>]) -> Opt
     (!matches.is_empty()).then_some(PairScores { target: scores.target, source: scores.source, matches })
 }
 
-/// What is said of two kept lines, nats; 0 where nothing is.
+/// What is said of two kept lines within its bounds, nats; 0 where nothing is.
 pub fn nats_of(scores: &[ScoredMatch], (target, source): (usize, usize)) -> f64 {
     let key = (source, target);
     let place =
         scores.binary_search_by_key(&key, |found| (found.source as usize, found.target as usize)).ok();
-    place.map_or(0.0, |place| scores[place].nats)
+    place.map_or(0.0, |place| scores[place].nats.clamp(MIN_NATS, MAX_NATS))
 }

@@ -17,6 +17,7 @@ pub mod pair_graph;
 pub mod paper;
 pub mod place;
 pub mod pnl;
+pub mod prior;
 pub mod refine;
 pub mod residual;
 pub mod result;

@@ -192,10 +192,22 @@ impl RigEstimator {
                 }
             }
         }
-        let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
         let bench = Bench { scene, ranking: &ranking, limits: self.options.verdict };
         (estimate.state, estimate.reason) = judge(&bench);
+        // What geometry alone is sure of, appearance does not take away.
+        if estimate.state != State::Converged
+            && let Some(by_lines) = ranking.by_lines.take()
+        {
+            let scene = Scene { pair, candidates: &by_lines.candidates };
+            let bench = Bench { scene, ranking: &by_lines, limits: self.options.verdict };
+            if let (State::Converged, reason) = judge(&bench) {
+                (estimate.state, estimate.reason) = (State::Converged, reason);
+                ranking = *by_lines;
+            }
+        }
+        let pose = ranking.best.refined.target_from_source;
+        let scene = Scene { pair, candidates: &ranking.candidates };
         let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);
         estimate.full = ranking.best.matches.len();
