@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::capture::recording::Recording;
 use crate::capture::{CaptureError, RgbdFrame};
 use crate::geometry::{Camera, CameraView};
-use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator};
+use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator, State};
 
 use super::associate::{self, MatchSource, SeenLines};
 use super::buffers::FoundLines;
@@ -134,6 +134,41 @@ pub fn run_offline(
     let lines = run.cameras.iter().map(|camera| camera.n_lines).collect();
     let complaint = run.source.complaint();
     Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, lines, complaint })
+}
+
+/// When a growing number of frame sets was enough for the first time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FirstConverged {
+    /// Frame sets read until then.
+    pub frame_sets: usize,
+    /// Finding, scoring and taking in their lines, and the one solution that converged, ms.
+    pub ms: f64,
+}
+
+/// Solves after each frame set until a solution is converged; `None` when none is.
+///
+/// # Errors
+/// The first frame set that cannot be read.
+pub fn first_converged(
+    sets: &mut dyn FrameSetReader,
+    cameras: &[RigCamera],
+    options: &PipelineOptions,
+) -> Result<Option<FirstConverged>, CaptureError> {
+    let mut run = Run::new(cameras, options);
+    let mut frames: Vec<RgbdFrame> = cameras.iter().map(|_| RgbdFrame::default()).collect();
+    while sets.next_set(&mut frames)? {
+        let used_before = run.counts.used;
+        run.take(&frames);
+        if run.counts.used == used_before || run.counts.used < options.estimate.verdict.min_views {
+            continue;
+        }
+        let solving = Instant::now();
+        if run.solve().state == State::Converged {
+            let spent = run.times.detect + run.times.lift + run.associate + solving.elapsed();
+            return Ok(Some(FirstConverged { frame_sets: run.counts.seen, ms: ms(spent) }));
+        }
+    }
+    Ok(None)
 }
 
 fn ms(duration: Duration) -> f64 {

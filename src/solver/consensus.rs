@@ -185,7 +185,7 @@ pub struct RankLimits<'a> {
 /// Ranks the poses of a pair. A ranking that was given up is incomplete: the caller must not use it.
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let mut candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
-    let prior = prior(&pair);
+    let prior = prior(&pair, limits.max_baseline_m);
     candidates.iter_mut().for_each(|candidate| candidate.nats *= prior.trust);
     let settled = settled_poses(Scene { pair, candidates: &candidates }, (&prior, limits));
     let (mut possible, mut impossible): (Vec<Hypothesis>, Vec<Hypothesis>) = (Vec::new(), Vec::new());

@@ -17,7 +17,7 @@ const MAX_STRONG: usize = 600;
 /// A pose that fits two matches explains about one more by chance: so many say nothing.
 const BY_CHANCE: usize = 3;
 /// Least number of strong matches that one pose explains beyond those.
-const MIN_EXPLAINED: usize = 4;
+const MIN_EXPLAINED: usize = 10;
 /// Up to this share of the strong matches a pose explains look-alikes of rooms without a common view ...
 const NO_TRUST_SHARE: f64 = 0.15;
 /// ... and from this share on of a common view.
@@ -30,7 +30,6 @@ pub struct Prior {
     pub poses: Vec<Motion>,
     /// What scores are to be multiplied with, 0 to 1.
     pub trust: f64,
-    pub told: (usize, usize),
 }
 
 impl Prior {
@@ -40,20 +39,21 @@ impl Prior {
     }
 }
 
-/// Draws poses from the strong matches of all frame sets.
-pub fn prior(pair: &PairEvidence<'_>) -> Prior {
+/// Draws poses from the strong matches of all frame sets; no two cameras are further apart than `max_baseline_m`.
+pub fn prior(pair: &PairEvidence<'_>, max_baseline_m: f64) -> Prior {
     let strong = strong_matches(pair);
-    let rough = rough_poses(&strong);
+    let mut rough = rough_poses(&strong);
+    rough.retain(|(pose, _)| pose.translation.vector.norm() <= max_baseline_m);
     let explained = rough.first().map_or(0, |(_, n_explained)| n_explained.saturating_sub(BY_CHANCE));
     if explained < MIN_EXPLAINED {
-        return Prior { told: (explained, strong.len()), ..Prior::default() };
+        return Prior::default();
     }
     let share = explained as f64 / strong.len() as f64;
     let trust = ((share - NO_TRUST_SHARE) / (FULL_TRUST_SHARE - NO_TRUST_SHARE)).clamp(0.0, 1.0);
     if trust == 0.0 {
-        return Prior { told: (explained, strong.len()), ..Prior::default() };
+        return Prior::default();
     }
-    Prior { poses: rough.into_iter().map(|(pose, _)| pose).collect(), trust, told: (explained, strong.len()) }
+    Prior { poses: rough.into_iter().map(|(pose, _)| pose).collect(), trust }
 }
 
 /// The strongest matches of each set, one-to-one.

@@ -17,7 +17,9 @@ const MAX_MODES: usize = 100;
 const PEAKS_BY_RANK: [(usize, usize, Blur); 3] = [(6, 800, FINE), (60, 60, COARSE), (MAX_MODES, 12, COARSE)];
 /// The same for rivals of a known pose; the rotation nearest to its own comes first: lines that are shifted as a whole are the
 /// likeliest rivals.
-const PEAKS_OF_RIVALS: [(usize, usize, Blur); 2] = [(1, 800, FINE), (MAX_MODES, 60, COARSE)];
+const PEAKS_OF_RIVALS: [(usize, usize, Blur); 2] = [(1, 800, FINE), (MAX_RIVAL_MODES, 30, COARSE)];
+/// Rotations tried for rivals: who comes near a pose that explains much is itself among the strongest.
+const MAX_RIVAL_MODES: usize = 40;
 /// Poses refined.
 const MAX_STARTS: usize = 160;
 /// Starts closer than this settle on the same pose (1.1 degrees and 6 cm).
@@ -39,7 +41,8 @@ pub struct Search<'a> {
 
 /// Poses near which a true one may lie, the best by the quick score first.
 pub fn starts(candidates: &[Candidate], search: &Search<'_>) -> Vec<Motion> {
-    let mut modes = rotation_modes(candidates, MAX_MODES, search.keep_going);
+    let max_modes = if search.known.is_some() { MAX_RIVAL_MODES } else { MAX_MODES };
+    let mut modes = rotation_modes(candidates, max_modes, search.keep_going);
     let (mut ranks, mut least) = (&PEAKS_BY_RANK[..], 0.0);
     if let Some(known) = search.known {
         least = RIVAL_SHARE * quick_score(candidates, known);
