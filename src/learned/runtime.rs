@@ -4,13 +4,13 @@
 
 use std::error::Error as _;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ort::environment::Environment;
 use ort::ep;
 use ort::logging::LogLevel;
 use ort::session::Session;
-use ort::session::builder::{BuilderResult, GraphOptimizationLevel, SessionBuilder};
+use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 
 use super::{LearnedError, LearnedOptions, Provider};
 
@@ -22,7 +22,8 @@ static LOADED: Mutex<Option<(PathBuf, Environment)>> = Mutex::new(None);
 
 /// The environment of the library at `runtime`, else at `ORT_DYLIB_PATH`, else of the system's default name.
 pub(super) fn environment(runtime: Option<&Path>) -> Result<Environment, LearnedError> {
-    let path = runtime.map_or_else(default_path, Path::to_path_buf);
+    // A bare name from the config is a file, not a name for the system's search.
+    let path = runtime.map_or_else(default_path, |path| std::path::absolute(path).unwrap_or(path.to_owned()));
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some((loaded, environment)) = loaded.as_ref() {
         if *loaded == path {
@@ -32,10 +33,12 @@ pub(super) fn environment(runtime: Option<&Path>) -> Result<Environment, Learned
     }
     let failed = |what: String| LearnedError::Runtime { path: path.clone(), what };
     let builder = ort::init_from(&path).map_err(|error| failed(load_reason(&error)))?;
-    let environment = builder.with_name("pelical").with_telemetry(false).build();
-    let environment = environment.map_err(|error| failed(error.to_string()))?;
-    // Its own notes of every optimisation are nobody's concern.
-    environment.set_log_level(LogLevel::Error);
+    // What matters of its own notes comes back as an error, which says what to do as well.
+    let logger =
+        |_: LogLevel, _: &str, _: &str, _: &str, message: &str| tracing::debug!("{}", plain(message));
+    let builder = builder.with_name("pelical").with_telemetry(false).with_logger(Arc::new(logger));
+    let environment = builder.build().map_err(|error| failed(error.to_string()))?;
+    environment.set_log_level(LogLevel::Warning);
     *loaded = Some((path, environment.clone()));
     Ok(environment)
 }
@@ -86,7 +89,7 @@ pub(super) fn open(
 
 fn builder(environment: &Environment, options: &LearnedOptions) -> ort::Result<SessionBuilder> {
     let builder = Session::builder(environment)?
-        .with_log_level(LogLevel::Error)?
+        .with_log_level(LogLevel::Warning)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .with_intra_threads(options.threads)?
         // Threads that wait by spinning would take the cores of the frame path.
@@ -100,8 +103,14 @@ fn with_providers(
     options: &LearnedOptions,
 ) -> (SessionBuilder, Vec<&'static str>) {
     let mut devices = Vec::new();
-    for &provider in options.providers.iter().take_while(|&&provider| provider != Provider::Cpu) {
-        builder = match register(builder, provider) {
+    for &provider in &options.providers {
+        let wanted = match provider {
+            // What comes after it is never asked.
+            Provider::Cpu => break,
+            Provider::Cuda => ep::CUDA::default().build(),
+            Provider::TensorRt => ep::TensorRT::default().build(),
+        };
+        builder = match builder.with_execution_providers([wanted.error_on_failure()]) {
             Ok(builder) => {
                 devices.push(provider.name());
                 builder
@@ -118,15 +127,6 @@ fn with_providers(
         };
     }
     (builder, devices)
-}
-
-fn register(builder: SessionBuilder, provider: Provider) -> BuilderResult {
-    let provider = match provider {
-        Provider::Cpu => return Ok(builder),
-        Provider::Cuda => ep::CUDA::default().build(),
-        Provider::TensorRt => ep::TensorRT::default().build(),
-    };
-    builder.with_execution_providers([provider.error_on_failure()])
 }
 
 /// A message of the runtime as one line.
