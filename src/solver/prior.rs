@@ -10,8 +10,8 @@ use super::matched::rough_poses;
 use crate::geometry::ScoredMatch;
 use crate::geometry::motion::Motion;
 
-/// A match is strong when its likeness is so many times likelier for one edge than for two: e, nats.
-const STRONG_NATS: f64 = 1.0;
+/// A match is strong from this likeness on, nats: among lines that look most alike, nearly as likely one edge as not.
+const STRONG_NATS: f64 = 4.0;
 /// Strong matches that are looked at, at most; more would not change the share.
 const MAX_STRONG: usize = 600;
 /// A pose that fits two matches explains about one more by chance: so many say nothing.
