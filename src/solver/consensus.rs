@@ -78,17 +78,13 @@ pub struct Ranking {
     pub runner_up: Option<Hypothesis>,
     /// The best of the poses that cannot be: what its lines agree on, they agree on by coincidence.
     pub impossible: Option<Hypothesis>,
-    /// The same poses ranked by geometry alone; `None` where appearance says nothing.
+    /// The same poses ranked by geometry alone, over the same candidates; `None` where appearance says nothing.
     pub by_lines: Option<Box<Ranking>>,
 }
 
 impl Ranking {
-    /// Ranks poses, those that can be and those that cannot; `None` where none can be.
-    fn new(
-        candidates: &[Candidate],
-        mut possible: Vec<Hypothesis>,
-        mut impossible: Vec<Hypothesis>,
-    ) -> Option<Self> {
+    /// Ranks poses, those that can be and those that cannot, still without candidates; `None` where none can be.
+    fn new(mut possible: Vec<Hypothesis>, mut impossible: Vec<Hypothesis>) -> Option<Self> {
         possible.sort_by(|a, b| b.score.total_cmp(&a.score));
         impossible.sort_by(|a, b| b.score.total_cmp(&a.score));
         let best = possible.first()?.clone();
@@ -98,10 +94,10 @@ impl Ranking {
         };
         let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &possible), beyond(&SAME_BASIN, &possible));
         let impossible = beyond(&SAME_BASIN, &impossible);
-        Some(Self { candidates: candidates.to_vec(), best, neighbour, runner_up, impossible, by_lines: None })
+        Some(Self { candidates: Vec::new(), best, neighbour, runner_up, impossible, by_lines: None })
     }
 
-    /// Whether another pose leads where appearance is not asked.
+    /// Whether the same pose leads where appearance is not asked.
     pub fn is_best_by_lines(&self) -> bool {
         let pose = |ranking: &Ranking| ranking.best.refined.target_from_source;
         self.by_lines.as_ref().is_none_or(|by_lines| !SAME_ANSWER.is_exceeded(&pose(by_lines), &pose(self)))
@@ -115,15 +111,15 @@ impl Ranking {
 
     /// The same evidence with another best pose; its rivals are the poses ranked so far that differ from it.
     pub fn with_best(self, best: Hypothesis) -> Self {
+        let Self { candidates, best: before, neighbour, runner_up, impossible, by_lines } = self;
+        let by_lines = by_lines.map(|ranking| Box::new(ranking.with_best(best.by_lines())));
         let pose = best.refined.target_from_source;
-        let ranked: Vec<Hypothesis> =
-            [Some(self.best), self.neighbour, self.runner_up].into_iter().flatten().collect();
+        let ranked: Vec<Hypothesis> = [Some(before), neighbour, runner_up].into_iter().flatten().collect();
         let beyond = |gap: &PoseGap| {
             ranked.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
         };
         let (neighbour, runner_up) = (beyond(&SAME_ANSWER), beyond(&SAME_BASIN));
-        let impossible = self.impossible;
-        Self { candidates: self.candidates, best, neighbour, runner_up, impossible, by_lines: None }
+        Self { candidates, best, neighbour, runner_up, impossible, by_lines }
     }
 }
 
@@ -196,14 +192,13 @@ pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
         }
     }
     let (n_impossible, n_candidates) = (impossible.len(), candidates.len());
-    let by_lines = (prior.trust > 0.0).then(|| {
-        let by_lines = |poses: &[Hypothesis]| poses.iter().map(Hypothesis::by_lines).collect();
-        Ranking::new(&candidates, by_lines(&possible), by_lines(&impossible))
-    });
-    match Ranking::new(&candidates, possible, impossible) {
+    let by_lines = |poses: &[Hypothesis]| poses.iter().map(Hypothesis::by_lines).collect();
+    let is_heard = prior.trust > 0.0;
+    let by_lines = is_heard.then(|| Ranking::new(by_lines(&possible), by_lines(&impossible))).flatten();
+    match Ranking::new(possible, impossible) {
         Some(ranking) => {
-            let by_lines = by_lines.flatten().map(Box::new);
-            Ranked::Poses(Box::new(Ranking { by_lines, ..ranking }))
+            let by_lines = by_lines.map(Box::new);
+            Ranked::Poses(Box::new(Ranking { candidates, by_lines, ..ranking }))
         }
         None if n_impossible == 0 => Ranked::None(NoPose::NothingAgrees(n_candidates)),
         None => Ranked::None(NoPose::Impossible(n_impossible)),

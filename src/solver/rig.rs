@@ -2,7 +2,7 @@
 
 use super::association::Scene;
 use super::candidates::PairEvidence;
-use super::consensus::{Hypothesis, NoPose, RankLimits, Ranked, confront, rank_poses};
+use super::consensus::{Hypothesis, NoPose, RankLimits, Ranked, Ranking, confront, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
 use super::joint::JointPoses;
 use super::pair_graph::{JudgedPair, distrust_open_loops, join};
@@ -192,20 +192,8 @@ impl RigEstimator {
                 }
             }
         }
-        let scene = Scene { pair, candidates: &ranking.candidates };
-        let bench = Bench { scene, ranking: &ranking, limits: self.options.verdict };
-        (estimate.state, estimate.reason) = judge(&bench);
-        // What geometry alone is sure of, appearance does not take away.
-        if estimate.state != State::Converged
-            && let Some(by_lines) = ranking.by_lines.take()
-        {
-            let scene = Scene { pair, candidates: &by_lines.candidates };
-            let bench = Bench { scene, ranking: &by_lines, limits: self.options.verdict };
-            if let (State::Converged, reason) = judge(&bench) {
-                (estimate.state, estimate.reason) = (State::Converged, reason);
-                ranking = *by_lines;
-            }
-        }
+        let (verdict, ranking) = trusted(&pair, ranking, self.options.verdict);
+        (estimate.state, estimate.reason) = verdict;
         let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
         let (offset, distance_m) = residuals(&scene, &ranking.best);
@@ -267,6 +255,28 @@ impl RigEstimator {
             self.names[camera], self.n_sets
         );
         (!has_lifted_lines).then_some(Reason { code: ReasonCode::NoLines, sentence })
+    }
+}
+
+/// The verdict on the best pose of a ranking; what geometry alone is sure of, appearance does not take away.
+fn trusted(
+    pair: &PairEvidence<'_>,
+    mut ranking: Ranking,
+    limits: VerdictLimits,
+) -> ((State, Option<Reason>), Ranking) {
+    let scene = Scene { pair: *pair, candidates: &ranking.candidates };
+    let verdict = judge(&Bench { scene, ranking: &ranking, limits });
+    if verdict.0 == State::Converged {
+        return (verdict, ranking);
+    }
+    let Some(by_lines) = ranking.by_lines.take() else { return (verdict, ranking) };
+    match judge(&Bench {
+        scene: Scene { pair: *pair, candidates: &ranking.candidates },
+        ranking: &by_lines,
+        limits,
+    }) {
+        sure @ (State::Converged, _) => (sure, Ranking { candidates: ranking.candidates, ..*by_lines }),
+        _ => (verdict, ranking),
     }
 }
 
