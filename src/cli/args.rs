@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::ipc::InstanceName;
+use crate::pipeline::Association;
 
 /// Calibrates the cameras of a robot against each other while it runs, and publishes the result over shared memory.
 #[derive(Debug, Parser)]
@@ -89,6 +90,9 @@ pub struct EvaluateArgs {
     /// Repeat the paper's two experiments with synthetic cameras instead, and print the errors beside the paper's.
     #[arg(long)]
     pub paper: bool,
+    /// Evaluate several sources of candidate matches side by side, and say from how many frame sets on each converges.
+    #[arg(long, value_enum, value_delimiter = ',', conflicts_with = "paper", value_name = "LIST")]
+    pub association: Vec<AssociationChoice>,
     /// What to do of the paper's experiments.
     #[command(flatten)]
     pub experiment: ExperimentArgs,
@@ -98,6 +102,42 @@ pub struct EvaluateArgs {
     /// Form of the answer.
     #[command(flatten)]
     pub output: Output,
+}
+
+/// A source of candidate matches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum AssociationChoice {
+    /// Geometry alone.
+    Geometric,
+    /// Descriptors.
+    Descriptor,
+    /// The learned matcher of the config file's section `matcher`.
+    Onnx,
+    /// All that there are.
+    Auto,
+}
+
+impl AssociationChoice {
+    /// Its name in arguments and documents.
+    pub fn name(self) -> &'static str {
+        match self {
+            AssociationChoice::Geometric => "geometric",
+            AssociationChoice::Descriptor => "descriptor",
+            AssociationChoice::Onnx => "onnx",
+            AssociationChoice::Auto => "auto",
+        }
+    }
+}
+
+impl From<AssociationChoice> for Association {
+    fn from(choice: AssociationChoice) -> Self {
+        match choice {
+            AssociationChoice::Geometric => Association::Geometric,
+            AssociationChoice::Descriptor => Association::Descriptor,
+            AssociationChoice::Onnx => Association::Onnx,
+            AssociationChoice::Auto => Association::Auto,
+        }
+    }
 }
 
 /// `solve`.
@@ -253,6 +293,8 @@ mod tests {
             vec!["pelical", "evaluate", "folder", "--paper"],
             vec!["pelical", "evaluate", "folder", "--seeds", "3"],
             vec!["pelical", "evaluate", "--seeds", "3"],
+            vec!["pelical", "evaluate", "folder", "--association", "auto,lbd"],
+            vec!["pelical", "evaluate", "--paper", "--association", "auto"],
             vec!["pelical", "evaluate", "--paper", "--seeds", "0"],
             vec!["pelical", "evaluate", "--paper", "--angles", "20,x"],
             vec!["pelical", "record", "x", "--config", "c", "--sets", "0"],

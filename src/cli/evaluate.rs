@@ -6,6 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::args::EvaluateArgs;
+use super::associations;
 use super::calibrate::calibrate;
 use super::error::CliError;
 use super::exit::Exit;
@@ -42,6 +43,9 @@ pub fn run(args: &EvaluateArgs) -> Result<Exit, CliError> {
     if folders.is_empty() {
         let what = format!("no folder below holds {RECORDING_FILE} and {GROUND_TRUTH_FILE}");
         return Err(CliError::BadInput(what));
+    }
+    if !args.association.is_empty() {
+        return associations::run(&folders, args, &options);
     }
     let (mut recordings, mut bad) = (Vec::new(), 0);
     for (index, folder) in folders.iter().enumerate() {

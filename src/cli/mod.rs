@@ -1,6 +1,7 @@
 //! The client's commands: each does one thing, prints one document, and ends with one exit code.
 
 pub mod args;
+mod associations;
 mod calibrate;
 mod demo;
 mod devices;

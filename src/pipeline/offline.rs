@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 use crate::capture::recording::Recording;
 use crate::capture::{CaptureError, RgbdFrame};
 use crate::geometry::{Camera, CameraView};
-use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator};
+use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator, State};
 
+use super::associate::{self, MatchSource, SeenLines};
 use super::buffers::FoundLines;
 use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
 use super::motion::{Glimpse, image_speed_px_per_s};
@@ -79,7 +80,7 @@ pub struct TimingMs {
     pub detect: f64,
     /// Lifting and surfaces.
     pub lift: f64,
-    /// Taking the sets into the estimator.
+    /// Scoring candidate matches, and taking the sets into the estimator.
     pub associate: f64,
     /// Solving.
     pub estimate: f64,
@@ -98,6 +99,8 @@ pub struct OfflineRun {
     pub frame_sets: SetCounts,
     /// Lines found per camera, in all sets.
     pub lines: Vec<u64>,
+    /// What had to be done without, in a sentence for the user.
+    pub complaint: Option<String>,
 }
 
 /// Reads all sets, then solves. `options.n_line_threads` changes the time, never the result; frames that do not have their camera's
@@ -129,7 +132,43 @@ pub fn run_offline(
         total: ms(start.elapsed()),
     };
     let lines = run.cameras.iter().map(|camera| camera.n_lines).collect();
-    Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, lines })
+    let complaint = run.source.complaint();
+    Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, lines, complaint })
+}
+
+/// When a growing number of frame sets was enough for the first time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FirstConverged {
+    /// Frame sets read until then.
+    pub frame_sets: usize,
+    /// Finding, scoring and taking in their lines, and the one solution that converged, ms.
+    pub ms: f64,
+}
+
+/// Solves after each frame set until a solution is converged; `None` when none is.
+///
+/// # Errors
+/// The first frame set that cannot be read.
+pub fn first_converged(
+    sets: &mut dyn FrameSetReader,
+    cameras: &[RigCamera],
+    options: &PipelineOptions,
+) -> Result<Option<FirstConverged>, CaptureError> {
+    let mut run = Run::new(cameras, options);
+    let mut frames: Vec<RgbdFrame> = cameras.iter().map(|_| RgbdFrame::default()).collect();
+    while sets.next_set(&mut frames)? {
+        let used_before = run.counts.used;
+        run.take(&frames);
+        if run.counts.used == used_before || run.counts.used < options.estimate.verdict.min_views {
+            continue;
+        }
+        let solving = Instant::now();
+        if run.solve().state == State::Converged {
+            let spent = run.times.detect + run.times.lift + run.associate + solving.elapsed();
+            return Ok(Some(FirstConverged { frame_sets: run.counts.seen, ms: ms(spent) }));
+        }
+    }
+    Ok(None)
 }
 
 fn ms(duration: Duration) -> f64 {
@@ -168,6 +207,7 @@ struct Run {
     options: PipelineOptions,
     cameras: Vec<CameraRun>,
     n_threads: usize,
+    source: Box<dyn MatchSource>,
     estimator: RigEstimator,
     views: Vec<Option<CameraView>>,
     counts: SetCounts,
@@ -179,16 +219,17 @@ impl Run {
     fn new(cameras: &[RigCamera], options: &PipelineOptions) -> Self {
         let of_camera = |camera: &RigCamera| CameraRun {
             camera: camera.camera,
-            finder: SegmentLineFinder::new(options.detect, options.lift),
+            finder: SegmentLineFinder::new(options),
             found: FoundLines::default(),
             times: FindTimes::default(),
             last_glimpse: None,
             n_lines: 0,
         };
         Self {
-            options: *options,
+            options: options.clone(),
             cameras: cameras.iter().map(of_camera).collect(),
             n_threads: options.line_threads(cameras.len()),
+            source: associate::source(&options.associate),
             estimator: RigEstimator::new(cameras.to_vec(), options.estimate),
             views: vec![None; cameras.len()],
             counts: SetCounts::default(),
@@ -228,7 +269,12 @@ impl Run {
         self.counts.used += 1;
         let start = Instant::now();
         self.swap_views(frames);
-        self.estimator.add(&self.views);
+        let (views, cameras, source) = (&self.views, &self.cameras, &mut self.source);
+        self.estimator.add_and_score(views, &mut || {
+            let seen = views.iter().zip(cameras);
+            let seen = seen.map(|(view, camera)| Some(SeenLines::new(view.as_ref()?, &camera.found)));
+            source.score(&seen.collect::<Vec<_>>(), &|| true)
+        });
         self.swap_views(frames);
         self.associate += start.elapsed();
     }

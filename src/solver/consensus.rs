@@ -2,34 +2,29 @@
 //! rotation; the best poses are scored one-to-one over all frame sets and refined. What survives is ranked, so that the
 //! runner-up shows how sure the best pose is.
 
-use super::association::{Gate, Match, Scene, coarse_score};
+use super::association::{Gate, Match, Scene};
 use super::candidates::{Candidate, PairEvidence};
 use super::free_space::free_space;
 use super::missing::{MissingLines, missing_lines};
 use super::noise::{covariance, noise_scale};
 use super::pnl::{Matched, PnlMatch, Settled};
+use super::prior::{Prior, prior};
 use super::refine::{Refined, Stop, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode};
-use super::rotation_vote::rotation_modes;
-use super::translation_vote::{Blur, COARSE, FINE, TranslationGrid, translation_lines};
+use super::starts::{Search, starts};
 use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
 /// Lines whose direction is worse than this do not vote for rotations, rad (3 degrees).
 pub const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
-/// Rotations tried.
-const MAX_MODES: usize = 100;
-/// Translations tried per rotation, by the rotation's rank: where lines share a room's axes, the true rotation leads, and the
-/// true translation may hide among many peaks of parallel bundles.
-const PEAKS_BY_RANK: [(usize, usize, Blur); 3] = [(6, 800, FINE), (60, 60, COARSE), (MAX_MODES, 12, COARSE)];
-/// Poses refined.
-const MAX_REFINED: usize = 160;
-/// Of these, the poses that are settled.
+/// Of the starts, those that are settled.
 const MAX_SETTLED: usize = 60;
 /// How wide matches are looked for at first: standard deviations of the start, m and rad.
 const DRAWING_IN: [(f64, f64); 1] = [(0.03, 0.015)];
 /// ... and while a pose settles.
 const SETTLING: [(f64, f64); 3] = [(0.02, 0.01), (0.01, 0.005), (0.004, 0.002)];
+/// A pose that appearance is certain of must explain so many lines for the search to be narrowed to its rivals.
+const MIN_CERTAIN_MATCHES: usize = 12;
 /// Three lines fix a pose.
 const MIN_MATCHES: usize = 3;
 
@@ -42,8 +37,10 @@ pub struct Hypothesis {
     pub matches: Vec<Match>,
     /// Further matches, lifted on one side.
     pub pnl: Vec<PnlMatch>,
-    /// Sum of the gains less what missing lines take, nats.
+    /// Sum of what the matches count less what missing lines take, nats.
     pub score: f64,
+    /// The part of it that is appearance, nats.
+    pub appearance: f64,
     /// Lines that should be seen and are not, once the pose is ranked.
     pub missing: MissingLines,
     /// Factor on the lines' standard deviations that makes these matches agree as they should, at least 1.
@@ -51,6 +48,11 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
+    /// The same pose scored by geometry alone.
+    fn by_lines(&self) -> Self {
+        Self { score: self.score - self.appearance, appearance: 0.0, ..self.clone() }
+    }
+
     /// Number of matches of both kinds.
     pub fn n_matches(&self) -> usize {
         self.matches.len() + self.pnl.len()
@@ -76,9 +78,31 @@ pub struct Ranking {
     pub runner_up: Option<Hypothesis>,
     /// The best of the poses that cannot be: what its lines agree on, they agree on by coincidence.
     pub impossible: Option<Hypothesis>,
+    /// The same poses ranked by geometry alone, over the same candidates; `None` where appearance says nothing.
+    pub by_lines: Option<Box<Ranking>>,
 }
 
 impl Ranking {
+    /// Ranks poses, those that can be and those that cannot, still without candidates; `None` where none can be.
+    fn new(mut possible: Vec<Hypothesis>, mut impossible: Vec<Hypothesis>) -> Option<Self> {
+        possible.sort_by(|a, b| b.score.total_cmp(&a.score));
+        impossible.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let best = possible.first()?.clone();
+        let pose = best.refined.target_from_source;
+        let beyond = |gap: &PoseGap, poses: &[Hypothesis]| {
+            poses.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
+        };
+        let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &possible), beyond(&SAME_BASIN, &possible));
+        let impossible = beyond(&SAME_BASIN, &impossible);
+        Some(Self { candidates: Vec::new(), best, neighbour, runner_up, impossible, by_lines: None })
+    }
+
+    /// Whether the same pose leads where appearance is not asked.
+    pub fn is_best_by_lines(&self) -> bool {
+        let pose = |ranking: &Ranking| ranking.best.refined.target_from_source;
+        self.by_lines.as_ref().is_none_or(|by_lines| !SAME_ANSWER.is_exceeded(&pose(by_lines), &pose(self)))
+    }
+
     /// How many times the score of the runner-up the best pose has; `None` when no really different pose explains anything.
     pub fn lead(&self) -> Option<f64> {
         let other = self.runner_up.as_ref().filter(|other| other.score > 0.0)?;
@@ -87,14 +111,15 @@ impl Ranking {
 
     /// The same evidence with another best pose; its rivals are the poses ranked so far that differ from it.
     pub fn with_best(self, best: Hypothesis) -> Self {
+        let Self { candidates, best: before, neighbour, runner_up, impossible, by_lines } = self;
+        let by_lines = by_lines.map(|ranking| Box::new(ranking.with_best(best.by_lines())));
         let pose = best.refined.target_from_source;
-        let ranked: Vec<Hypothesis> =
-            [Some(self.best), self.neighbour, self.runner_up].into_iter().flatten().collect();
+        let ranked: Vec<Hypothesis> = [Some(before), neighbour, runner_up].into_iter().flatten().collect();
         let beyond = |gap: &PoseGap| {
             ranked.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
         };
         let (neighbour, runner_up) = (beyond(&SAME_ANSWER), beyond(&SAME_BASIN));
-        Self { candidates: self.candidates, best, neighbour, runner_up, impossible: self.impossible }
+        Self { candidates, best, neighbour, runner_up, impossible, by_lines }
     }
 }
 
@@ -155,32 +180,29 @@ pub struct RankLimits<'a> {
 
 /// Ranks the poses of a pair. A ranking that was given up is incomplete: the caller must not use it.
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
-    let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
-    let settled = settled_poses(Scene { pair, candidates: &candidates }, limits);
-    let (mut others, mut impossible): (Vec<Hypothesis>, Vec<Hypothesis>) = (Vec::new(), Vec::new());
+    let mut candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
+    let prior = prior(&pair, limits.max_baseline_m);
+    candidates.iter_mut().for_each(|candidate| candidate.nats *= prior.trust);
+    let settled = settled_poses(Scene { pair, candidates: &candidates }, (&prior, limits));
+    let (mut possible, mut impossible): (Vec<Hypothesis>, Vec<Hypothesis>) = (Vec::new(), Vec::new());
     for pose in settled.into_iter().take_while(|_| (limits.keep_going)()) {
         match confront(pose, &pair, limits) {
-            Ok(pose) => others.push(pose),
+            Ok(pose) => possible.push(pose),
             Err(pose) => impossible.push(pose),
         }
     }
-    others.sort_by(|a, b| b.score.total_cmp(&a.score));
-    if others.is_empty() {
-        let n = impossible.len();
-        return Ranked::None(if n == 0 {
-            NoPose::NothingAgrees(candidates.len())
-        } else {
-            NoPose::Impossible(n)
-        });
+    let (n_impossible, n_candidates) = (impossible.len(), candidates.len());
+    let by_lines = |poses: &[Hypothesis]| poses.iter().map(Hypothesis::by_lines).collect();
+    let is_heard = prior.trust > 0.0;
+    let by_lines = is_heard.then(|| Ranking::new(by_lines(&possible), by_lines(&impossible))).flatten();
+    match Ranking::new(possible, impossible) {
+        Some(ranking) => {
+            let by_lines = by_lines.map(Box::new);
+            Ranked::Poses(Box::new(Ranking { candidates, by_lines, ..ranking }))
+        }
+        None if n_impossible == 0 => Ranked::None(NoPose::NothingAgrees(n_candidates)),
+        None => Ranked::None(NoPose::Impossible(n_impossible)),
     }
-    let best = others.remove(0);
-    let pose = best.refined.target_from_source;
-    let beyond = |gap: &PoseGap, poses: &[Hypothesis]| {
-        poses.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
-    };
-    let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &others), beyond(&SAME_BASIN, &others));
-    let impossible = beyond(&SAME_BASIN, &impossible);
-    Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up, impossible }))
 }
 
 /// A pose with what else the cameras saw held against it: `Err` when it cannot be, otherwise missing lines lower its score.
@@ -209,13 +231,20 @@ fn is_possible(target_from_source: &Motion, pair: &PairEvidence<'_>, limits: &Ra
         && !free_space(pair, limits.cameras, target_from_source).is_violated(limits.max_free_space_violated)
 }
 
-/// Every pose that settled on its matches, best score first.
-fn settled_poses(scene: Scene<'_>, limits: &RankLimits<'_>) -> Vec<Hypothesis> {
-    let starts = coarse_poses(scene.candidates, limits);
-    let going = starts.iter().take_while(|_| (limits.keep_going)());
+/// Every pose that settled on its matches, best score first; where appearance is certain of one, only that and its rivals.
+fn settled_poses(scene: Scene<'_>, (prior, limits): (&Prior, &RankLimits<'_>)) -> Vec<Hypothesis> {
+    let certain = prior.poses.first().filter(|_| prior.is_certain()).and_then(|pose| settle(scene, pose));
+    let certain = certain.filter(|pose| {
+        pose.matches.len() >= MIN_CERTAIN_MATCHES
+            && is_possible(&pose.refined.target_from_source, &scene.pair, limits)
+    });
+    let known = certain.as_ref().map(|pose| &pose.refined.target_from_source);
+    let (max_baseline_m, keep_going) = (limits.max_baseline_m, limits.keep_going);
+    let voted = starts(scene.candidates, &Search { known, max_baseline_m, keep_going });
+    let going = prior.poses.iter().chain(&voted).take_while(|_| keep_going());
     let mut drawn_in: Vec<Approach<'_>> = going.filter_map(|pose| Approach::start(scene, pose)).collect();
     drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| (limits.keep_going)());
+    let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| keep_going());
     let mut settled: Vec<Hypothesis> = going.filter_map(Approach::settle).collect();
     settled.sort_by(|a, b| b.score.total_cmp(&a.score));
     settled
@@ -231,42 +260,10 @@ struct PoseGap {
 const SAME_ANSWER: PoseGap = PoseGap { rotation_rad: 0.0087, translation_m: 0.015 };
 /// Poses that share most matches, shifted by a few (4 degrees and 15 cm).
 const SAME_BASIN: PoseGap = PoseGap { rotation_rad: 0.07, translation_m: 0.15 };
-/// Starts this close settle on the same pose (1.1 degrees and 6 cm).
-const SAME_START: PoseGap = PoseGap { rotation_rad: 0.02, translation_m: 0.06 };
-
 impl PoseGap {
     fn is_exceeded(&self, a: &Motion, b: &Motion) -> bool {
         rotation_gap_rad(a, b) > self.rotation_rad || translation_gap_m(a, b) > self.translation_m
     }
-}
-
-/// Rotation modes, translation peaks of each, and the best of all by the coarse score.
-fn coarse_poses(candidates: &[Candidate], limits: &RankLimits<'_>) -> Vec<Motion> {
-    let modes = rotation_modes(candidates, MAX_MODES, limits.keep_going);
-    let mut poses: Vec<(Motion, f64)> = Vec::new();
-    let mut first = 0;
-    for (end, max_peaks, blur) in PEAKS_BY_RANK {
-        let mut grid = TranslationGrid::new(limits.max_baseline_m, blur.cell_m);
-        for mode in modes.iter().take(end).skip(first).take_while(|_| (limits.keep_going)()) {
-            let lines = translation_lines(candidates, &mode.target_from_source);
-            for translation_m in grid.peaks(candidates, &lines, max_peaks) {
-                let score = coarse_score(candidates, &lines, (&translation_m, &blur));
-                poses.push((Motion::from_parts(translation_m.into(), mode.target_from_source), score));
-            }
-        }
-        first = end;
-    }
-    poses.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut kept: Vec<Motion> = Vec::new();
-    for (pose, _) in poses {
-        if kept.iter().all(|other| SAME_START.is_exceeded(other, &pose)) {
-            kept.push(pose);
-            if kept.len() == MAX_REFINED {
-                break;
-            }
-        }
-    }
-    kept
 }
 
 /// Settles a single start: draws it in, then closes the gate; `None` when too little matches near it.
@@ -322,9 +319,9 @@ impl<'a> Approach<'a> {
             refined = matched.fit(&self.scene, target_from_source, limits);
         }
         let is_settled = matches!(refined.stop, Stop::SmallStep | Stop::NoDescent);
-        let score = self.score;
+        let (score, appearance) = (self.score, matches.iter().map(|found| found.nats).sum());
         let missing = MissingLines::default();
-        is_settled.then_some(Hypothesis { refined, matches, pnl, score, missing, noise_scale })
+        is_settled.then_some(Hypothesis { refined, matches, pnl, score, appearance, missing, noise_scale })
     }
 
     /// Matches under the gate, and moves to the pose that fits them.
@@ -333,7 +330,7 @@ impl<'a> Approach<'a> {
         if matches.len() < MIN_MATCHES {
             return None;
         }
-        self.score = matches.iter().map(|found| found.gain).sum();
+        self.score = matches.iter().map(Match::worth).sum();
         let limits = (gate.noise_scale, max_steps);
         self.pose = refine(&self.scene, &indices(&matches), &self.pose, limits).target_from_source;
         Some(matches)

@@ -1,5 +1,6 @@
 //! From lines seen by several cameras to the extrinsics of the rig.
 
+pub mod appearance;
 pub mod association;
 mod axes;
 pub mod candidates;
@@ -16,6 +17,7 @@ pub mod pair_graph;
 pub mod paper;
 pub mod place;
 pub mod pnl;
+pub mod prior;
 pub mod refine;
 pub mod residual;
 pub mod result;
@@ -24,6 +26,7 @@ pub mod rig;
 pub mod rotation_vote;
 pub mod shared_lines;
 pub mod sides;
+pub mod starts;
 pub mod translation_vote;
 pub mod verdict;
 pub mod watch;

@@ -2,14 +2,14 @@
 
 use super::association::Scene;
 use super::candidates::PairEvidence;
-use super::consensus::{Hypothesis, NoPose, RankLimits, Ranked, confront, rank_poses};
+use super::consensus::{Hypothesis, NoPose, RankLimits, Ranked, Ranking, confront, rank_poses};
 use super::evidence::{Evidence, EvidenceLimits};
 use super::joint::JointPoses;
 use super::pair_graph::{JudgedPair, distrust_open_loops, join};
 use super::paper::rig_pair::pose_by_paper;
 use super::result::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
 use super::verdict::{Bench, VerdictLimits, judge, residuals};
-use crate::geometry::{Camera, CameraView};
+use crate::geometry::{Camera, CameraView, PairScores};
 
 /// Which estimator finds the pose of a pair; the verdict is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -82,16 +82,29 @@ impl RigEstimator {
         Self { names, cameras, options, evidence: Evidence::new(options.evidence), n_sets: 0, delivered }
     }
 
-    /// Takes one frame set: a view per camera in camera order, `None` where a camera is missing. Returns whether it brought
-    /// evidence that is not a repetition of an earlier set.
-    pub fn add(&mut self, views: &[Option<CameraView>]) -> bool {
+    /// Takes one frame set: a view per camera in camera order, `None` where a camera is missing, and what appearance says of their
+    /// lines. Returns whether it brought evidence that is not a repetition of an earlier set.
+    pub fn add(&mut self, views: &[Option<CameraView>], scores: &[PairScores]) -> bool {
+        self.add_and_score(views, &mut || scores.to_vec())
+    }
+
+    /// The same; `score` compares the lines by appearance, and is asked only where the set brought evidence.
+    pub fn add_and_score(
+        &mut self,
+        views: &[Option<CameraView>],
+        score: &mut dyn FnMut() -> Vec<PairScores>,
+    ) -> bool {
         self.n_sets += 1;
         for (delivered, view) in self.delivered.iter_mut().zip(views) {
             let Some(view) = view else { continue };
             delivered.n_views += 1;
             delivered.has_lifted_lines |= view.lines.iter().any(|line| line.depth.is_some());
         }
-        self.evidence.add(views)
+        let is_new = self.evidence.add(views);
+        if is_new {
+            self.evidence.score_newest(&score());
+        }
+        is_new
     }
 
     /// The best estimate from everything added so far; the same sets give the same bits.
@@ -179,10 +192,10 @@ impl RigEstimator {
                 }
             }
         }
+        let (verdict, ranking) = trusted(&pair, ranking, self.options.verdict);
+        (estimate.state, estimate.reason) = verdict;
         let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
-        let bench = Bench { scene, ranking: &ranking, limits: self.options.verdict };
-        (estimate.state, estimate.reason) = judge(&bench);
         let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);
         estimate.full = ranking.best.matches.len();
@@ -242,6 +255,28 @@ impl RigEstimator {
             self.names[camera], self.n_sets
         );
         (!has_lifted_lines).then_some(Reason { code: ReasonCode::NoLines, sentence })
+    }
+}
+
+/// The verdict on the best pose of a ranking; what geometry alone is sure of, appearance does not take away.
+fn trusted(
+    pair: &PairEvidence<'_>,
+    mut ranking: Ranking,
+    limits: VerdictLimits,
+) -> ((State, Option<Reason>), Ranking) {
+    let scene = Scene { pair: *pair, candidates: &ranking.candidates };
+    let verdict = judge(&Bench { scene, ranking: &ranking, limits });
+    if verdict.0 == State::Converged {
+        return (verdict, ranking);
+    }
+    let Some(by_lines) = ranking.by_lines.take() else { return (verdict, ranking) };
+    match judge(&Bench {
+        scene: Scene { pair: *pair, candidates: &ranking.candidates },
+        ranking: &by_lines,
+        limits,
+    }) {
+        sure @ (State::Converged, _) => (sure, Ranking { candidates: ranking.candidates, ..*by_lines }),
+        _ => (verdict, ranking),
     }
 }
 

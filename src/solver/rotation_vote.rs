@@ -11,8 +11,8 @@ use super::candidates::Candidate;
 const CELLS_PER_AXIS: usize = 60;
 /// Steps of a circle: one per cell.
 const CIRCLE_STEPS: usize = 96;
-/// Raw modes kept before refinement; the true rotation was among the first 150 in every rendered recording.
-const MAX_RAW_MODES: usize = 400;
+/// Raw modes refined per mode that is kept; of 100 the true rotation was among the first 150 raw ones in every rendered recording.
+const RAW_MODES_PER_MODE: usize = 4;
 /// Raw modes closer than this are one, rad.
 const RAW_MODE_GAP_RAD: f64 = 0.07;
 /// Refined modes closer than this are one, rad.
@@ -36,7 +36,7 @@ pub fn rotation_modes(
     keep_going: &dyn Fn() -> bool,
 ) -> Vec<RotationMode> {
     let histogram = histogram(candidates);
-    let mut modes: Vec<RotationMode> = raw_modes(&histogram)
+    let mut modes: Vec<RotationMode> = raw_modes(&histogram, RAW_MODES_PER_MODE * max_modes)
         .into_iter()
         .take_while(|_| keep_going())
         .map(|rotation| refine(candidates, rotation))
@@ -52,6 +52,11 @@ pub fn rotation_modes(
         }
     }
     kept
+}
+
+/// What a rotation near this one has of support.
+pub fn support(candidates: &[Candidate], target_from_source: &UnitQuaternion<f64>) -> f64 {
+    refine(candidates, *target_from_source).support
 }
 
 /// Votes per cell.
@@ -115,7 +120,7 @@ fn centre_of(mut index: usize) -> UnitQuaternion<f64> {
 }
 
 /// Cells in descending order of votes, without those close to a stronger one.
-fn raw_modes(cells: &[f32]) -> Vec<UnitQuaternion<f64>> {
+fn raw_modes(cells: &[f32], max_modes: usize) -> Vec<UnitQuaternion<f64>> {
     // Cells below a tenth of the best never held a truth; skipping them keeps the sort short.
     let least = 0.1 * cells.iter().copied().fold(0.0_f32, f32::max);
     let mut order: Vec<usize> = (0..cells.len()).filter(|&cell| cells[cell] > least).collect();
@@ -126,7 +131,7 @@ fn raw_modes(cells: &[f32]) -> Vec<UnitQuaternion<f64>> {
         let centre = centre_of(cell);
         if kept.iter().all(|other| other.coords.dot(&centre.coords).abs() < most_equal) {
             kept.push(centre);
-            if kept.len() == MAX_RAW_MODES {
+            if kept.len() == max_modes {
                 break;
             }
         }

@@ -21,7 +21,7 @@ use std::path::Path;
 pub use backend::RigError;
 pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
-pub use estimator::EstimatorName;
+pub use estimator::{AssociationName, EstimatorName};
 pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use matcher::{MatcherSection, ProviderName};
 pub use sections::*;

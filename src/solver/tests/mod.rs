@@ -4,6 +4,7 @@ mod closure;
 mod degenerate;
 mod honesty;
 mod poses;
+mod prior;
 mod retention;
 mod rigs;
 pub mod room;
