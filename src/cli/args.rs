@@ -41,6 +41,8 @@ pub enum Command {
     Evaluate(EvaluateArgs),
     /// Solve sets of matched line pairs with the estimators alone, and print poses, errors and times.
     Solve(SolveArgs),
+    /// Show the lines of a recording's frame sets and which of them are matched; with ground truth, how well.
+    Match(MatchArgs),
     /// Print what the daemon is doing.
     Status(Output),
     /// Print every result and the progress of the daemon until stopped.
@@ -178,6 +180,54 @@ pub struct ExperimentArgs {
     /// With --paper: folder for the page with the tables, the heat map (SVG and PNG) and the JSON document.
     #[arg(long = "output", requires = "paper", conflicts_with = "folders", value_name = "FOLDER")]
     pub folder: Option<PathBuf>,
+}
+
+/// `match`.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+A match is a target line and a source line that are each other's best, with a score above 0 nats.
+
+With ground truth each match is judged by geometry: the lifted line, moved by the true pose, lies on the other segment within 3 px and \
+3 degrees, at its depth within 3 sigma, along 30 % of the shorter of both (a shared edge), or the two lifted lines continue each other.
+precision = right / (right + wrong), without matches that have too little depth to be judged;
+recall = shared edges matched / shared edges, both counted one-to-one.")]
+pub struct MatchArgs {
+    /// Folder with recording.yaml.
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// Only this frame set, from 0; without it all of them.
+    #[arg(long, value_name = "N")]
+    pub set: Option<usize>,
+    /// Draw one frame set as PNG: that of --set, else the one with most matches.
+    #[arg(short = 'o', long = "output", value_name = "OVERLAY.png")]
+    pub overlay: Option<PathBuf>,
+    /// Who proposes matches, instead of what the config says.
+    #[arg(long, value_enum)]
+    pub association: Option<AssociationChoice>,
+    /// Leave out shorter segments, px.
+    #[arg(long, value_name = "PX", default_value = "0", value_parser = length_px)]
+    pub min_length_px: f64,
+    /// Config file whose sections `lines` and `estimate` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// What `--association` asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum AssociationChoice {
+    /// No appearance: the lines that the estimator's pose explains, where it converges on the whole recording.
+    Geometric,
+}
+
+fn length_px(text: &str) -> Result<f64, String> {
+    let length: f64 = text.parse().map_err(|_| format!("{text:?} is not a number of px"))?;
+    if (0.0..=16_384.0).contains(&length) {
+        return Ok(length);
+    }
+    Err(format!("{text} px is out of range: allowed is 0 to 16384"))
 }
 
 /// `recalibrate`.

@@ -8,6 +8,7 @@ mod error;
 mod evaluate;
 pub mod exit;
 mod interrupt;
+mod matching;
 mod online;
 mod output;
 mod pairs_file;
@@ -40,6 +41,7 @@ fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError
         Command::Calibrate(args) => calibrate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Solve(args) => solve::run(args),
+        Command::Match(args) => matching::run(args).map(|()| Exit::Done),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
         Command::Status(output) => online::status(instance, *output),

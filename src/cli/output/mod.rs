@@ -1,6 +1,7 @@
 //! What the client prints: JSON documents for scripts, text for people. stdout is for these alone.
 
 pub mod document;
+pub mod matching;
 pub mod moved;
 pub mod solve;
 pub mod status;

@@ -1,0 +1,147 @@
+//! `pelical match`: the lines of a recording's frame sets, which of them are matched, and how well where the truth is known.
+//!
+//! The truth judges matches; nothing that finds lines or matches sees it.
+
+mod propose;
+pub mod same_edge;
+pub mod score;
+
+use std::time::Instant;
+
+use super::args::MatchArgs;
+use super::error::CliError;
+use super::output::matching::{MatchDocument, SetEntry};
+use super::{output, progress};
+use crate::capture::RgbdFrame;
+use crate::capture::recording::{GroundTruth, RECORDING_FILE, Recording};
+use crate::geometry::motion::Motion;
+use crate::pipeline::{FindTimes, FoundLines, LineFinder, PipelineOptions, SegmentLineFinder};
+use crate::service::config;
+use propose::Proposer;
+use same_edge::{SameEdges, Sight};
+use score::{Match, Tally};
+
+/// Everything about one frame set.
+#[derive(Debug)]
+pub struct MatchedSet {
+    /// Index of the set in the recording.
+    pub set: usize,
+    /// The frames, by camera.
+    pub frames: Vec<RgbdFrame>,
+    /// What was found in them.
+    pub found: Vec<FoundLines>,
+    /// Every pair of cameras.
+    pub pairs: Vec<MatchedPair>,
+    /// Time of finding lines, all cameras together.
+    pub find: FindTimes,
+}
+
+/// The matches between two cameras.
+#[derive(Debug)]
+pub struct MatchedPair {
+    /// Index of the target camera.
+    pub target: usize,
+    /// Index of the source camera.
+    pub source: usize,
+    /// Pairs of lines that were scored.
+    pub n_candidates: usize,
+    /// One-to-one.
+    pub matches: Vec<Match>,
+    /// What truly belongs together; `None` without ground truth.
+    pub truth: Option<SameEdges>,
+    /// Time of proposing matches, ms.
+    pub took_ms: f64,
+}
+
+impl MatchedPair {
+    /// How good the matches are; `None` without ground truth.
+    pub fn tally(&self) -> Option<Tally> {
+        self.truth.as_ref().map(|truth| Tally::new(&self.matches, truth))
+    }
+}
+
+/// Matches the frame sets asked for, prints what was found, and draws one of them.
+///
+/// # Errors
+/// When the config, the recording or an argument is not usable, or the picture cannot be written.
+pub fn run(args: &MatchArgs) -> Result<(), CliError> {
+    let options = config::load_or_default(args.config.as_deref())?.pipeline;
+    let recording = Recording::open(&args.recording)?;
+    let sets = chosen_sets(&recording, args.set)?;
+    let truth = recording.ground_truth()?;
+    let mut proposer = Proposer::new(&recording, &options)?;
+    let bar = progress::bar(Some(sets.len() as u64), "frame sets");
+    let mut entries = Vec::new();
+    for set in sets {
+        let matched = match_set((&recording, set), (args, &options), (&mut proposer, truth.as_ref()))?;
+        entries.push(SetEntry::new(&recording, &matched));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let document = MatchDocument::new(args, proposer.name(), entries);
+    if args.output.json {
+        output::print_json(&document)
+    } else {
+        output::print_text(&output::matching::text(&document))
+    }
+}
+
+/// The frame sets to be shown; a rig of one camera has nothing to match.
+fn chosen_sets(recording: &Recording, set: Option<usize>) -> Result<Vec<usize>, CliError> {
+    let (n_cameras, n_sets) = (recording.cameras().len(), recording.frame_sets().len());
+    let file = recording.folder().join(RECORDING_FILE);
+    if n_cameras < 2 {
+        let what = format!("{}: has one camera; lines are matched between two or more", file.display());
+        return Err(CliError::BadInput(what));
+    }
+    match set {
+        Some(set) if set >= n_sets => Err(CliError::BadInput(format!(
+            "{}: there is no frame set {set}; --set 0 to {} are there",
+            file.display(),
+            n_sets - 1
+        ))),
+        Some(set) => Ok(vec![set]),
+        None => Ok((0..n_sets).collect()),
+    }
+}
+
+fn match_set(
+    (recording, set): (&Recording, usize),
+    (args, options): (&MatchArgs, &PipelineOptions),
+    (proposer, truth): (&mut Proposer, Option<&GroundTruth>),
+) -> Result<MatchedSet, CliError> {
+    let mut finder = SegmentLineFinder::new(options.detect, options.lift);
+    let (mut frames, mut found, mut find) = (Vec::new(), Vec::new(), FindTimes::default());
+    let stamps = recording.frame_sets().get(set).map_or(&[][..], Vec::as_slice);
+    for (camera, (info, stamp)) in recording.cameras().iter().zip(stamps).enumerate() {
+        let (mut frame, mut lines) = (RgbdFrame::default(), FoundLines::default());
+        recording.read_frame(camera, *stamp, &mut frame)?;
+        let times = finder.find(&frame, &info.camera, &mut lines);
+        find.detect += times.detect;
+        find.lift += times.lift;
+        lines.view.lines.retain(|line| line.segment.length_px() >= args.min_length_px);
+        frames.push(frame);
+        found.push(lines);
+    }
+    let mut pairs = Vec::new();
+    for target in 0..found.len() {
+        for source in target + 1..found.len() {
+            let sights = [target, source].map(|camera| Sight {
+                camera: &recording.cameras()[camera].camera,
+                lines: &found[camera].view.lines,
+            });
+            let start = Instant::now();
+            let (n_candidates, matches) = proposer.propose((target, source), &sights);
+            let took_ms = start.elapsed().as_secs_f64() * 1e3;
+            let truth = truth.map(|truth| {
+                SameEdges::new(&sights[0], &sights[1], &target_from_source(truth, (target, source)))
+            });
+            pairs.push(MatchedPair { target, source, n_candidates, matches, truth, took_ms });
+        }
+    }
+    Ok(MatchedSet { set, frames, found, pairs, find })
+}
+
+fn target_from_source(truth: &GroundTruth, (target, source): (usize, usize)) -> Motion {
+    truth.reference_from_camera[target].inverse() * truth.reference_from_camera[source]
+}
