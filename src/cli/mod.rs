@@ -2,6 +2,7 @@
 
 pub mod args;
 mod calibrate;
+mod canvas;
 mod demo;
 mod devices;
 mod error;

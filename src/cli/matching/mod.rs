@@ -2,15 +2,19 @@
 //!
 //! The truth judges matches; nothing that finds lines or matches sees it.
 
+mod overlay;
 mod propose;
 pub mod same_edge;
 pub mod score;
+mod tracks;
 
+use std::path::Path;
 use std::time::Instant;
 
 use super::args::MatchArgs;
 use super::error::CliError;
 use super::output::matching::{MatchDocument, SetEntry};
+use super::talk::say;
 use super::{output, progress};
 use crate::capture::RgbdFrame;
 use crate::capture::recording::{GroundTruth, RECORDING_FILE, Recording};
@@ -60,25 +64,40 @@ impl MatchedPair {
     }
 }
 
+impl MatchedSet {
+    /// What makes it worth looking at: matches, then edges that could have been matched.
+    fn richness(&self) -> (usize, usize) {
+        let shared = |pair: &MatchedPair| pair.tally().map_or(0, |tally| tally.shared);
+        (self.pairs.iter().map(|pair| pair.matches.len()).sum(), self.pairs.iter().map(shared).sum())
+    }
+}
+
 /// Matches the frame sets asked for, prints what was found, and draws one of them.
 ///
 /// # Errors
 /// When the config, the recording or an argument is not usable, or the picture cannot be written.
 pub fn run(args: &MatchArgs) -> Result<(), CliError> {
-    let options = config::load_or_default(args.config.as_deref())?.pipeline;
+    let mut options = config::load_or_default(args.config.as_deref())?.pipeline;
+    options.detect.min_length_px = options.detect.min_length_px.max(args.min_length_px);
     let recording = Recording::open(&args.recording)?;
     let sets = chosen_sets(&recording, args.set)?;
     let truth = recording.ground_truth()?;
     let mut proposer = Proposer::new(&recording, &options)?;
     let bar = progress::bar(Some(sets.len() as u64), "frame sets");
-    let mut entries = Vec::new();
+    let (mut entries, mut richest) = (Vec::new(), None::<MatchedSet>);
     for set in sets {
-        let matched = match_set((&recording, set), (args, &options), (&mut proposer, truth.as_ref()))?;
+        let matched = match_set((&recording, set), &options, (&mut proposer, truth.as_ref()))?;
         entries.push(SetEntry::new(&recording, &matched));
+        if richest.as_ref().is_none_or(|richest| matched.richness() > richest.richness()) {
+            richest = Some(matched);
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
     let document = MatchDocument::new(args, proposer.name(), entries);
+    if let Some((file, drawn)) = args.overlay.as_ref().zip(richest) {
+        draw(file, (&recording, &drawn), &document)?;
+    }
     if args.output.json {
         output::print_json(&document)
     } else {
@@ -107,7 +126,7 @@ fn chosen_sets(recording: &Recording, set: Option<usize>) -> Result<Vec<usize>, 
 
 fn match_set(
     (recording, set): (&Recording, usize),
-    (args, options): (&MatchArgs, &PipelineOptions),
+    options: &PipelineOptions,
     (proposer, truth): (&mut Proposer, Option<&GroundTruth>),
 ) -> Result<MatchedSet, CliError> {
     let mut finder = SegmentLineFinder::new(options.detect, options.lift);
@@ -119,7 +138,6 @@ fn match_set(
         let times = finder.find(&frame, &info.camera, &mut lines);
         find.detect += times.detect;
         find.lift += times.lift;
-        lines.view.lines.retain(|line| line.segment.length_px() >= args.min_length_px);
         frames.push(frame);
         found.push(lines);
     }
@@ -140,6 +158,20 @@ fn match_set(
         }
     }
     Ok(MatchedSet { set, frames, found, pairs, find })
+}
+
+/// Writes the picture of one frame set.
+fn draw(
+    file: &Path,
+    (recording, matched): (&Recording, &MatchedSet),
+    document: &MatchDocument,
+) -> Result<(), CliError> {
+    let title = output::matching::title(document, matched.set);
+    let png = overlay::png(recording.cameras(), matched, &title);
+    let png = png.map_err(|error| CliError::Failed(format!("{}: {error}", file.display())))?;
+    std::fs::write(file, png).map_err(CliError::system(format!("cannot write {}", file.display())))?;
+    say(format_args!("frame set {} is drawn in {}", matched.set, file.display()));
+    Ok(())
 }
 
 fn target_from_source(truth: &GroundTruth, (target, source): (usize, usize)) -> Motion {

@@ -360,6 +360,18 @@ pub fn text(document: &MatchDocument) -> String {
     text
 }
 
+/// One line about a frame set, for its picture.
+pub fn title(document: &MatchDocument, set: usize) -> String {
+    let mut title = format!("{}, frame set {set}, {}", document.recording, document.association);
+    let Some(entry) = document.sets.iter().find(|entry| entry.set == set) else { return title };
+    let _ = write!(title, ": {} matches", entry.counts.matches);
+    if let Some(TruthCounts { shared, shared_found, right, wrong, unjudged }) = entry.counts.truth {
+        let _ = write!(title, ", {right} right, {wrong} wrong, {unjudged} not to be judged");
+        let _ = write!(title, "; {shared_found} of {shared} shared edges found");
+    }
+    title
+}
+
 fn row(names: [String; 2], counts: &Counts) -> Vec<String> {
     let of_truth = |count: fn(TruthCounts) -> usize| {
         counts.truth.map_or_else(|| "-".to_owned(), |truth| count(truth).to_string())
