@@ -42,6 +42,7 @@
 //!
 //! - [`geometry`]: points, lines, cameras, motions. [`image`]: views of pixels. [`lines`]: from images to 3D lines. [`solver`]:
 //!   from lines of several cameras to the extrinsics of the rig, with a verdict. These four are pure: no file, clock or thread.
+//! - [`learned`]: which lines of two images are one edge, by networks in ONNX Runtime where that is installed.
 //! - [`capture`]: cameras and recordings. [`pipeline`]: the threads of the live run, and the offline run.
 //! - [`ipc`]: the result in shared memory, for other processes. [`service`]: the daemon's life and config. [`cli`]: the client.
 
@@ -50,6 +51,7 @@ pub mod cli;
 pub mod geometry;
 pub mod image;
 pub mod ipc;
+pub mod learned;
 pub mod lines;
 pub mod pipeline;
 pub mod service;

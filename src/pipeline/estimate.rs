@@ -5,10 +5,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::capture::StampNs;
-use crate::geometry::{Camera, CameraView};
+use crate::geometry::{Camera, CameraView, PairScores};
 use crate::solver::{RigCalibration, RigCamera, RigEstimator, State};
 
 use super::MAX_CAMERAS;
+use super::associate::{MatchSource, SeenLines};
 use super::buffers::LineSet;
 use super::event::{Phase, PipelineEvent, Solved};
 use super::options::{PipelineOptions, SolveOptions};
@@ -21,16 +22,16 @@ const NICE: i32 = 10;
 
 /// Collects views and solves for the rig; another one can be put into the pipeline, in tests for example.
 pub trait Estimator: Send {
-    /// Takes one frame set; whether it brought new evidence.
-    fn add(&mut self, views: &[Option<CameraView>]) -> bool;
+    /// Takes one frame set; whether it brought new evidence. `score` is asked only then: it may take long.
+    fn add(&mut self, views: &[Option<CameraView>], score: &mut dyn FnMut() -> Vec<PairScores>) -> bool;
 
     /// The best estimate so far; `None` soon after `keep_going` says no.
     fn solve_while(&self, keep_going: &dyn Fn() -> bool) -> Option<RigCalibration>;
 }
 
 impl Estimator for RigEstimator {
-    fn add(&mut self, views: &[Option<CameraView>]) -> bool {
-        RigEstimator::add(self, views)
+    fn add(&mut self, views: &[Option<CameraView>], score: &mut dyn FnMut() -> Vec<PairScores>) -> bool {
+        self.add_and_score(views, score)
     }
 
     fn solve_while(&self, keep_going: &dyn Fn() -> bool) -> Option<RigCalibration> {
@@ -41,6 +42,9 @@ impl Estimator for RigEstimator {
 /// Makes an estimator without evidence for the given cameras.
 pub type MakeEstimator = dyn Fn(Vec<RigCamera>) -> Box<dyn Estimator> + Send;
 
+/// Makes what scores candidate matches.
+pub type MakeMatchSource = dyn Fn() -> Box<dyn MatchSource> + Send;
+
 /// Collects and solves.
 pub(super) struct EstimateStage {
     shared: Arc<Shared>,
@@ -49,6 +53,9 @@ pub(super) struct EstimateStage {
     max_sets: usize,
     make: Box<MakeEstimator>,
     estimator: Option<Box<dyn Estimator>>,
+    make_source: Box<MakeMatchSource>,
+    /// `None` before the first set.
+    source: Option<Box<dyn MatchSource>>,
     /// Intrinsics as far as they are known: a camera that was never there has none.
     intrinsics: [Option<Camera>; MAX_CAMERAS],
     views: Vec<Option<CameraView>>,
@@ -79,7 +86,11 @@ impl Evidence {
 }
 
 impl EstimateStage {
-    pub(super) fn new(shared: Arc<Shared>, options: &PipelineOptions, make: Box<MakeEstimator>) -> Self {
+    pub(super) fn new(
+        shared: Arc<Shared>,
+        options: &PipelineOptions,
+        (make, make_source): (Box<MakeEstimator>, Box<MakeMatchSource>),
+    ) -> Self {
         Self {
             views: vec![None; shared.cameras.len()],
             intrinsics: [None; MAX_CAMERAS],
@@ -87,9 +98,11 @@ impl EstimateStage {
             options: options.solve,
             max_sets: options.estimate.evidence.max_sets,
             estimator: None,
+            source: None,
             evidence: Evidence::default(),
             shared,
             make,
+            make_source,
         }
     }
 
@@ -142,7 +155,7 @@ impl EstimateStage {
         }
         self.swap_views(&mut set);
         let start = Instant::now();
-        let is_new = self.estimator.as_mut().is_some_and(|estimator| estimator.add(&self.views));
+        let is_new = self.add_views(&set);
         self.shared.latencies.associate.record(start.elapsed());
         self.swap_views(&mut set);
         self.evidence.seen += 1;
@@ -155,6 +168,20 @@ impl EstimateStage {
             self.shared.counters.repeated_sets.add_one();
         }
         self.shared.queues.recycle_set(set);
+    }
+
+    /// Gives the views to the estimator, and their scores where it asks for them.
+    fn add_views(&mut self, set: &LineSet) -> bool {
+        let Some(estimator) = &mut self.estimator else { return false };
+        let (views, make_source) = (&self.views, &self.make_source);
+        let source = self.source.get_or_insert_with(|| make_source());
+        let is_wanted = || !self.shared.is_stopping() && self.shared.phase.is_collecting(self.evidence.round);
+        let mut score = || {
+            let slots = views.iter().zip(&set.slots);
+            let seen = slots.map(|(view, slot)| Some(SeenLines::new(view.as_ref()?, &slot.as_ref()?.found)));
+            source.score(&seen.collect::<Vec<_>>(), &is_wanted)
+        };
+        estimator.add(views, &mut score)
     }
 
     /// Compares a set with the result, if there is one.

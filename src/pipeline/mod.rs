@@ -17,6 +17,7 @@
 //! that drops and counts what its reader is too slow for). A solution takes seconds: sets that come meanwhile are skipped and counted.
 //! Once there is a result, `estimate` asks for a set when it has time for one.
 
+pub mod associate;
 mod buffers;
 mod capture_loop;
 mod estimate;
@@ -45,9 +46,10 @@ use crossbeam_channel::Sender;
 use crate::capture::DeviceFactory;
 use crate::solver::RigEstimator;
 
+pub use associate::{Association, MatchSource};
 pub use buffers::FoundLines;
 pub use capture_loop::FRAME_TIMEOUT;
-pub use estimate::{Estimator, MakeEstimator};
+pub use estimate::{Estimator, MakeEstimator, MakeMatchSource};
 pub use event::{
     Answer, CameraProgress, CameraState, Command, Phase, PipelineEvent, Progress, Solved, Watched,
 };
@@ -83,15 +85,18 @@ pub struct Parts {
     pub line_finder: Box<dyn Fn() -> Box<dyn LineFinder>>,
     /// Makes an estimator.
     pub estimator: Box<MakeEstimator>,
+    /// Makes what scores candidate matches, in the estimator's thread: it may take its time.
+    pub match_source: Box<MakeMatchSource>,
 }
 
 impl Parts {
     /// This library's own parts.
     pub fn new(options: &PipelineOptions) -> Self {
-        let PipelineOptions { detect, lift, estimate, .. } = *options;
+        let PipelineOptions { detect, lift, estimate, association, .. } = *options;
         Self {
             line_finder: Box::new(move || Box::new(SegmentLineFinder::new(detect, lift))),
             estimator: Box::new(move |cameras| Box::new(RigEstimator::new(cameras, estimate))),
+            match_source: Box::new(move || associate::source(association)),
         }
     }
 }
@@ -172,7 +177,8 @@ impl Pipeline {
         let shared = Arc::new(Shared::new(names, n_line_threads, events));
         // If a thread cannot be started, the drop of `pipeline` stops the others.
         let mut pipeline = Self { shared: Arc::clone(&shared), threads: Vec::new() };
-        let estimate = estimate::EstimateStage::new(Arc::clone(&shared), options, parts.estimator);
+        let makers = (parts.estimator, parts.match_source);
+        let estimate = estimate::EstimateStage::new(Arc::clone(&shared), options, makers);
         pipeline.add("estimate".to_owned(), Box::new(estimate))?;
         let publish = publish::PublishStage::new(Arc::clone(&shared), options.motion);
         pipeline.add("publish".to_owned(), Box::new(publish))?;

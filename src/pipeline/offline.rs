@@ -7,6 +7,7 @@ use crate::capture::{CaptureError, RgbdFrame};
 use crate::geometry::{Camera, CameraView};
 use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator};
 
+use super::associate::{self, MatchSource, SeenLines};
 use super::buffers::FoundLines;
 use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
 use super::motion::{Glimpse, image_speed_px_per_s};
@@ -79,7 +80,7 @@ pub struct TimingMs {
     pub detect: f64,
     /// Lifting and surfaces.
     pub lift: f64,
-    /// Taking the sets into the estimator.
+    /// Scoring candidate matches, and taking the sets into the estimator.
     pub associate: f64,
     /// Solving.
     pub estimate: f64,
@@ -168,6 +169,7 @@ struct Run {
     options: PipelineOptions,
     cameras: Vec<CameraRun>,
     n_threads: usize,
+    source: Box<dyn MatchSource>,
     estimator: RigEstimator,
     views: Vec<Option<CameraView>>,
     counts: SetCounts,
@@ -189,6 +191,7 @@ impl Run {
             options: *options,
             cameras: cameras.iter().map(of_camera).collect(),
             n_threads: options.line_threads(cameras.len()),
+            source: associate::source(options.association),
             estimator: RigEstimator::new(cameras.to_vec(), options.estimate),
             views: vec![None; cameras.len()],
             counts: SetCounts::default(),
@@ -228,7 +231,12 @@ impl Run {
         self.counts.used += 1;
         let start = Instant::now();
         self.swap_views(frames);
-        self.estimator.add(&self.views);
+        let (views, cameras, source) = (&self.views, &self.cameras, &mut self.source);
+        self.estimator.add_and_score(views, &mut || {
+            let seen = views.iter().zip(cameras);
+            let seen = seen.map(|(view, camera)| Some(SeenLines::new(view.as_ref()?, &camera.found)));
+            source.score(&seen.collect::<Vec<_>>(), &|| true)
+        });
         self.swap_views(frames);
         self.associate += start.elapsed();
     }

@@ -6,6 +6,7 @@ use crate::lines::{DetectOptions, LiftOptions};
 use crate::solver::{EstimateOptions, WatchLimits};
 
 use super::MAX_CAMERAS;
+use super::associate::Association;
 use super::motion::MotionOptions;
 
 /// Everything that can be chosen about the pipeline.
@@ -15,6 +16,8 @@ pub struct PipelineOptions {
     pub detect: DetectOptions,
     /// Lifting.
     pub lift: LiftOptions,
+    /// What scores candidate matches.
+    pub association: Association,
     /// The estimator.
     pub estimate: EstimateOptions,
     /// The motion test.

@@ -53,6 +53,15 @@ pub struct Match {
     pub distance2: f64,
     /// Evidence for the pose, nats, above 0.
     pub gain: f64,
+    /// What appearance adds, nats; it takes no more than there is.
+    pub nats: f64,
+}
+
+impl Match {
+    /// What the match counts, nats.
+    pub fn worth(&self) -> f64 {
+        self.gain + self.nats
+    }
 }
 
 /// A pose with the candidates near it.
@@ -86,7 +95,7 @@ impl Scene<'_> {
             .filter(|&&idx| look.is_possible(&self.candidates[idx], gate))
             .filter_map(|&idx| self.explained(idx, target_from_source, (gate, &pose_covariance)))
             .collect();
-        found.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.candidate.cmp(&b.candidate)));
+        found.sort_by(|a, b| b.worth().total_cmp(&a.worth()).then(a.candidate.cmp(&b.candidate)));
         let mut used_lines = BTreeSet::new();
         found.retain(|found| {
             let candidate = &self.candidates[found.candidate];
@@ -133,7 +142,9 @@ impl Scene<'_> {
             - (targets.len() as f64).ln()
             - STRUCTURE_PENALTY
             + brightness_gain(is_same_way);
-        (gain > 0.0).then_some(Match { candidate: idx, distance2, gain: gain.min(MAX_GAIN) })
+        // Geometry alone decides what is a match; appearance only what it counts.
+        let gain = gain.min(MAX_GAIN);
+        (gain > 0.0).then_some(Match { candidate: idx, distance2, gain, nats: candidate.nats.max(-gain) })
     }
 }
 

@@ -1,11 +1,13 @@
 //! Candidate matches of a pair of cameras: every lifted source line with every lifted target line of the same frame set.
 //!
-//! No appearance is asked. Parallel bundles would vote n × m times for what is one direction, so each candidate carries a
+//! All of them, whatever they look like: appearance only says which are likelier. Parallel bundles would vote n × m times for what is one direction, so each candidate carries a
 //! weight that makes a bundle of n by m lines count like min(n, m) matches.
 
 use nalgebra::Vector3;
 
+use super::appearance::nats_of;
 use super::evidence::{Evidence, EvidenceLine, EvidenceView};
+use crate::geometry::ScoredMatch;
 
 /// Lines within this angle belong to one bundle, rad (5 degrees: detection plus lifting noise of short lines).
 const BUNDLE_ANGLE_RAD: f64 = 0.087;
@@ -33,6 +35,8 @@ pub struct Candidate {
     pub sigma_angle_rad: f64,
     /// Standard deviation of the distance between both middles across the lines, m.
     pub sigma_position_m: f64,
+    /// What appearance says for it, as far as that is believed, nats; 0 says nothing.
+    pub nats: f64,
 }
 
 /// The two cameras of a pair and their lines.
@@ -65,6 +69,15 @@ impl<'a> PairEvidence<'a> {
         Some((targets.get(usize::from(candidate.target))?, sources.get(usize::from(candidate.source))?))
     }
 
+    /// What appearance says of the lines of one set, sorted by source and target; empty where nobody compared.
+    pub fn scores(&self, set: usize) -> &'a [ScoredMatch] {
+        let sets = &self.evidence.sets;
+        let mut of_set = sets.get(set).into_iter().flat_map(|set| &set.scores);
+        of_set
+            .find(|scores| (scores.target, scores.source) == (self.target, self.source))
+            .map_or(&[], |scores| &scores.matches)
+    }
+
     /// Every cross pair of every set whose directions are known better than `max_sigma_angle_rad`.
     pub fn candidates(&self, max_sigma_angle_rad: f64) -> Vec<Candidate> {
         let mut candidates = Vec::new();
@@ -72,6 +85,7 @@ impl<'a> PairEvidence<'a> {
             let Some((targets, sources)) = self.lines(set) else { continue };
             let target_bundles = bundle_sizes(targets);
             let source_bundles = bundle_sizes(sources);
+            let scores = self.scores(set);
             for (source_idx, source) in sources.iter().enumerate() {
                 for (target_idx, target) in targets.iter().enumerate() {
                     let sigma_angle_rad = target.sigma_direction_rad.hypot(source.sigma_direction_rad);
@@ -90,6 +104,7 @@ impl<'a> PairEvidence<'a> {
                         source_middle_m: source.middle_m().coords,
                         sigma_angle_rad,
                         sigma_position_m: target.sigma_position_m.hypot(source.sigma_position_m),
+                        nats: nats_of(scores, (target_idx, source_idx)),
                     });
                 }
             }

@@ -8,6 +8,7 @@ use super::free_space::free_space;
 use super::missing::{MissingLines, missing_lines};
 use super::noise::{covariance, noise_scale};
 use super::pnl::{Matched, PnlMatch, Settled};
+use super::prior::prior;
 use super::refine::{Refined, Stop, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode};
 use super::rotation_vote::rotation_modes;
@@ -42,8 +43,10 @@ pub struct Hypothesis {
     pub matches: Vec<Match>,
     /// Further matches, lifted on one side.
     pub pnl: Vec<PnlMatch>,
-    /// Sum of the gains less what missing lines take, nats.
+    /// Sum of what the matches count less what missing lines take, nats.
     pub score: f64,
+    /// The part of it that is appearance, nats.
+    pub appearance: f64,
     /// Lines that should be seen and are not, once the pose is ranked.
     pub missing: MissingLines,
     /// Factor on the lines' standard deviations that makes these matches agree as they should, at least 1.
@@ -51,6 +54,11 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
+    /// The same pose scored by geometry alone.
+    fn by_lines(&self) -> Self {
+        Self { score: self.score - self.appearance, appearance: 0.0, ..self.clone() }
+    }
+
     /// Number of matches of both kinds.
     pub fn n_matches(&self) -> usize {
         self.matches.len() + self.pnl.len()
@@ -76,9 +84,35 @@ pub struct Ranking {
     pub runner_up: Option<Hypothesis>,
     /// The best of the poses that cannot be: what its lines agree on, they agree on by coincidence.
     pub impossible: Option<Hypothesis>,
+    /// The same poses ranked by geometry alone; `None` where appearance says nothing.
+    pub by_lines: Option<Box<Ranking>>,
 }
 
 impl Ranking {
+    /// Ranks poses, those that can be and those that cannot; `None` where none can be.
+    fn new(
+        candidates: &[Candidate],
+        mut possible: Vec<Hypothesis>,
+        mut impossible: Vec<Hypothesis>,
+    ) -> Option<Self> {
+        possible.sort_by(|a, b| b.score.total_cmp(&a.score));
+        impossible.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let best = possible.first()?.clone();
+        let pose = best.refined.target_from_source;
+        let beyond = |gap: &PoseGap, poses: &[Hypothesis]| {
+            poses.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
+        };
+        let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &possible), beyond(&SAME_BASIN, &possible));
+        let impossible = beyond(&SAME_BASIN, &impossible);
+        Some(Self { candidates: candidates.to_vec(), best, neighbour, runner_up, impossible, by_lines: None })
+    }
+
+    /// Whether another pose leads where appearance is not asked.
+    pub fn is_best_by_lines(&self) -> bool {
+        let pose = |ranking: &Ranking| ranking.best.refined.target_from_source;
+        self.by_lines.as_ref().is_none_or(|by_lines| !SAME_ANSWER.is_exceeded(&pose(by_lines), &pose(self)))
+    }
+
     /// How many times the score of the runner-up the best pose has; `None` when no really different pose explains anything.
     pub fn lead(&self) -> Option<f64> {
         let other = self.runner_up.as_ref().filter(|other| other.score > 0.0)?;
@@ -94,7 +128,8 @@ impl Ranking {
             ranked.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
         };
         let (neighbour, runner_up) = (beyond(&SAME_ANSWER), beyond(&SAME_BASIN));
-        Self { candidates: self.candidates, best, neighbour, runner_up, impossible: self.impossible }
+        let impossible = self.impossible;
+        Self { candidates: self.candidates, best, neighbour, runner_up, impossible, by_lines: None }
     }
 }
 
@@ -155,32 +190,30 @@ pub struct RankLimits<'a> {
 
 /// Ranks the poses of a pair. A ranking that was given up is incomplete: the caller must not use it.
 pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
-    let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
-    let settled = settled_poses(Scene { pair, candidates: &candidates }, limits);
-    let (mut others, mut impossible): (Vec<Hypothesis>, Vec<Hypothesis>) = (Vec::new(), Vec::new());
+    let mut candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
+    let prior = prior(&pair);
+    candidates.iter_mut().for_each(|candidate| candidate.nats *= prior.trust);
+    let settled = settled_poses(Scene { pair, candidates: &candidates }, (&prior.poses, limits));
+    let (mut possible, mut impossible): (Vec<Hypothesis>, Vec<Hypothesis>) = (Vec::new(), Vec::new());
     for pose in settled.into_iter().take_while(|_| (limits.keep_going)()) {
         match confront(pose, &pair, limits) {
-            Ok(pose) => others.push(pose),
+            Ok(pose) => possible.push(pose),
             Err(pose) => impossible.push(pose),
         }
     }
-    others.sort_by(|a, b| b.score.total_cmp(&a.score));
-    if others.is_empty() {
-        let n = impossible.len();
-        return Ranked::None(if n == 0 {
-            NoPose::NothingAgrees(candidates.len())
-        } else {
-            NoPose::Impossible(n)
-        });
+    let (n_impossible, n_candidates) = (impossible.len(), candidates.len());
+    let by_lines = (prior.trust > 0.0).then(|| {
+        let by_lines = |poses: &[Hypothesis]| poses.iter().map(Hypothesis::by_lines).collect();
+        Ranking::new(&candidates, by_lines(&possible), by_lines(&impossible))
+    });
+    match Ranking::new(&candidates, possible, impossible) {
+        Some(ranking) => {
+            let by_lines = by_lines.flatten().map(Box::new);
+            Ranked::Poses(Box::new(Ranking { by_lines, ..ranking }))
+        }
+        None if n_impossible == 0 => Ranked::None(NoPose::NothingAgrees(n_candidates)),
+        None => Ranked::None(NoPose::Impossible(n_impossible)),
     }
-    let best = others.remove(0);
-    let pose = best.refined.target_from_source;
-    let beyond = |gap: &PoseGap, poses: &[Hypothesis]| {
-        poses.iter().find(|other| gap.is_exceeded(&other.refined.target_from_source, &pose)).cloned()
-    };
-    let (neighbour, runner_up) = (beyond(&SAME_ANSWER, &others), beyond(&SAME_BASIN, &others));
-    let impossible = beyond(&SAME_BASIN, &impossible);
-    Ranked::Poses(Box::new(Ranking { candidates, best, neighbour, runner_up, impossible }))
 }
 
 /// A pose with what else the cameras saw held against it: `Err` when it cannot be, otherwise missing lines lower its score.
@@ -210,9 +243,9 @@ fn is_possible(target_from_source: &Motion, pair: &PairEvidence<'_>, limits: &Ra
 }
 
 /// Every pose that settled on its matches, best score first.
-fn settled_poses(scene: Scene<'_>, limits: &RankLimits<'_>) -> Vec<Hypothesis> {
+fn settled_poses(scene: Scene<'_>, (proposed, limits): (&[Motion], &RankLimits<'_>)) -> Vec<Hypothesis> {
     let starts = coarse_poses(scene.candidates, limits);
-    let going = starts.iter().take_while(|_| (limits.keep_going)());
+    let going = proposed.iter().chain(&starts).take_while(|_| (limits.keep_going)());
     let mut drawn_in: Vec<Approach<'_>> = going.filter_map(|pose| Approach::start(scene, pose)).collect();
     drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
     let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| (limits.keep_going)());
@@ -322,9 +355,9 @@ impl<'a> Approach<'a> {
             refined = matched.fit(&self.scene, target_from_source, limits);
         }
         let is_settled = matches!(refined.stop, Stop::SmallStep | Stop::NoDescent);
-        let score = self.score;
+        let (score, appearance) = (self.score, matches.iter().map(|found| found.nats).sum());
         let missing = MissingLines::default();
-        is_settled.then_some(Hypothesis { refined, matches, pnl, score, missing, noise_scale })
+        is_settled.then_some(Hypothesis { refined, matches, pnl, score, appearance, missing, noise_scale })
     }
 
     /// Matches under the gate, and moves to the pose that fits them.
@@ -333,7 +366,7 @@ impl<'a> Approach<'a> {
         if matches.len() < MIN_MATCHES {
             return None;
         }
-        self.score = matches.iter().map(|found| found.gain).sum();
+        self.score = matches.iter().map(Match::worth).sum();
         let limits = (gate.noise_scale, max_steps);
         self.pose = refine(&self.scene, &indices(&matches), &self.pose, limits).target_from_source;
         Some(matches)

@@ -6,9 +6,10 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Unit, Vector3};
 
+use super::appearance::in_kept_lines;
 use super::place::Place;
 use super::retention::{Coverage, keep_best_lines, superfluous};
-use crate::geometry::{CameraView, LineObservation, RayPoint, SurfaceSample};
+use crate::geometry::{CameraView, LineObservation, PairScores, RayPoint, SurfaceSample};
 
 /// A frame set repeats an old one when more than this share of its lines is where it was.
 const REPEATED_SHARE: f64 = 0.5;
@@ -29,6 +30,8 @@ const MAX_OUTLINES_PER_VIEW: usize = 300;
 pub struct EvidenceLine {
     /// What was measured.
     pub observation: LineObservation,
+    /// Index in the camera's view as it was delivered; 0 for a line that is from no view.
+    pub in_view: u32,
     /// The two end points in the camera's frame, m.
     pub ends_m: [Point3<f64>; 2],
     /// Unit direction from start to end.
@@ -57,6 +60,7 @@ impl EvidenceLine {
         covariance.fixed_view_mut::<2, 2>(2, 2).copy_from(&depth.covariance_per_m2);
         let mut line = Self {
             observation: *observation,
+            in_view: 0,
             ends_m,
             direction,
             sigma_direction_rad: 0.0,
@@ -122,6 +126,8 @@ pub struct EvidenceSet {
     id: u64,
     /// Number of the set whose rig pose this one repeats, or its own.
     pub repeats: u64,
+    /// What appearance says of the kept lines, by their indices here, sorted by source and target; none where nobody compared.
+    pub scores: Vec<PairScores>,
     /// Per camera, where its lines were, also those that were not kept.
     places: Vec<Vec<Place>>,
     /// What it adds to the whole.
@@ -135,7 +141,7 @@ impl EvidenceSet {
         views.iter_mut().flatten().for_each(|view| keep_best_lines(&mut view.lines, max_lines));
         let coverage =
             Coverage::of(views.iter().map(|view| view.as_ref().map_or(&[][..], |view| &view.lines)));
-        Self { views, id, repeats, places, coverage }
+        Self { views, id, repeats, scores: Vec::new(), places, coverage }
     }
 
     /// Lifted lines of one camera.
@@ -200,6 +206,13 @@ impl Evidence {
         self.keep(EvidenceSet::new(views, (self.next_id, repeats), self.limits.max_lines_per_view))
     }
 
+    /// Stores what appearance says of the set that was taken last; its scores are by the lines of the views as delivered.
+    pub fn score_newest(&mut self, scores: &[PairScores]) {
+        if let Some(set) = self.sets.last_mut() {
+            set.scores = scores.iter().filter_map(|scores| in_kept_lines(scores, &set.views)).collect();
+        }
+    }
+
     /// Takes a frame set for watching: the newest sight of a rig pose takes the place of the older ones, which may show the cameras
     /// as they stood before. Kept are `max_sets`, and none beyond `max_age` sets. Says whether two cameras brought something.
     pub fn refresh(&mut self, views: &[Option<CameraView>], max_age: u64) -> bool {
@@ -238,7 +251,10 @@ impl Evidence {
 
     fn prepare(&self, view: &CameraView) -> EvidenceView {
         let max_lines = LINES_TO_CHOOSE_FROM * self.limits.max_lines_per_view;
-        let lines = view.lines.iter().filter_map(EvidenceLine::try_new).take(max_lines);
+        let numbered = (0..).zip(&view.lines).filter_map(|(in_view, line)| {
+            EvidenceLine::try_new(line).map(|line| EvidenceLine { in_view, ..line })
+        });
+        let lines = numbered.take(max_lines);
         let unlifted = view.lines.iter().filter(|line| line.depth.is_none()).take(MAX_UNLIFTED_PER_VIEW);
         let outlines = view.lines.iter().map(|line| line.ends).take(MAX_OUTLINES_PER_VIEW);
         EvidenceView {

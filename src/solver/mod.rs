@@ -1,5 +1,6 @@
 //! From lines seen by several cameras to the extrinsics of the rig.
 
+pub mod appearance;
 pub mod association;
 mod axes;
 pub mod candidates;
@@ -16,6 +17,7 @@ pub mod pair_graph;
 pub mod paper;
 pub mod place;
 pub mod pnl;
+pub mod prior;
 pub mod refine;
 pub mod residual;
 pub mod result;

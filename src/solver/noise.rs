@@ -59,7 +59,7 @@ mod tests {
     fn matches(name: &str, n: usize, factor: f64) -> Vec<Match> {
         let mut random = Random::named(name);
         let mut distance2 = || (0..4).map(|_| (factor * random.gaussian()).powi(2)).sum();
-        (0..n).map(|candidate| Match { candidate, distance2: distance2(), gain: 1.0 }).collect()
+        (0..n).map(|candidate| Match { candidate, distance2: distance2(), gain: 1.0, nats: 0.0 }).collect()
     }
 
     #[test]

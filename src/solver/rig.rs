@@ -9,7 +9,7 @@ use super::pair_graph::{JudgedPair, distrust_open_loops, join};
 use super::paper::rig_pair::pose_by_paper;
 use super::result::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
 use super::verdict::{Bench, VerdictLimits, judge, residuals};
-use crate::geometry::{Camera, CameraView};
+use crate::geometry::{Camera, CameraView, PairScores};
 
 /// Which estimator finds the pose of a pair; the verdict is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -82,16 +82,29 @@ impl RigEstimator {
         Self { names, cameras, options, evidence: Evidence::new(options.evidence), n_sets: 0, delivered }
     }
 
-    /// Takes one frame set: a view per camera in camera order, `None` where a camera is missing. Returns whether it brought
-    /// evidence that is not a repetition of an earlier set.
-    pub fn add(&mut self, views: &[Option<CameraView>]) -> bool {
+    /// Takes one frame set: a view per camera in camera order, `None` where a camera is missing, and what appearance says of their
+    /// lines. Returns whether it brought evidence that is not a repetition of an earlier set.
+    pub fn add(&mut self, views: &[Option<CameraView>], scores: &[PairScores]) -> bool {
+        self.add_and_score(views, &mut || scores.to_vec())
+    }
+
+    /// The same; `score` compares the lines by appearance, and is asked only where the set brought evidence.
+    pub fn add_and_score(
+        &mut self,
+        views: &[Option<CameraView>],
+        score: &mut dyn FnMut() -> Vec<PairScores>,
+    ) -> bool {
         self.n_sets += 1;
         for (delivered, view) in self.delivered.iter_mut().zip(views) {
             let Some(view) = view else { continue };
             delivered.n_views += 1;
             delivered.has_lifted_lines |= view.lines.iter().any(|line| line.depth.is_some());
         }
-        self.evidence.add(views)
+        let is_new = self.evidence.add(views);
+        if is_new {
+            self.evidence.score_newest(&score());
+        }
+        is_new
     }
 
     /// The best estimate from everything added so far; the same sets give the same bits.
@@ -179,10 +192,22 @@ impl RigEstimator {
                 }
             }
         }
-        let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
         let bench = Bench { scene, ranking: &ranking, limits: self.options.verdict };
         (estimate.state, estimate.reason) = judge(&bench);
+        // What geometry alone is sure of, appearance does not take away.
+        if estimate.state != State::Converged
+            && let Some(by_lines) = ranking.by_lines.take()
+        {
+            let scene = Scene { pair, candidates: &by_lines.candidates };
+            let bench = Bench { scene, ranking: &by_lines, limits: self.options.verdict };
+            if let (State::Converged, reason) = judge(&bench) {
+                (estimate.state, estimate.reason) = (State::Converged, reason);
+                ranking = *by_lines;
+            }
+        }
+        let pose = ranking.best.refined.target_from_source;
+        let scene = Scene { pair, candidates: &ranking.candidates };
         let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);
         estimate.full = ranking.best.matches.len();

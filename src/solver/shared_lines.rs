@@ -98,6 +98,7 @@ mod tests {
             source_middle_m: Vector3::z(),
             sigma_angle_rad: 0.01,
             sigma_position_m: 0.01,
+            nats: 0.0,
         }
     }
 

@@ -58,6 +58,8 @@ impl Default for VerdictLimits {
     }
 }
 
+/// Of the lead beyond 1 that limits ask, geometry alone must show this share where appearance shows the rest.
+const LEAD_BY_LINES: f64 = 0.4;
 /// Halves may differ by this many joint standard deviations (squared; 99.9 % for six degrees of freedom is 22.5).
 const MAX_HALVES_DISTANCE2: f64 = 30.0;
 
@@ -132,12 +134,26 @@ fn missing(bench: &Bench<'_>) -> Objection {
     object(State::Collecting, ReasonCode::MissingLines, sentence)
 }
 
+/// The lead over every rival, and what of it geometry alone must show: what looks alike may be a repetition, shifted as a whole.
 fn lead(bench: &Bench<'_>) -> Objection {
-    let Ranking { best, neighbour, runner_up, impossible, .. } = bench.ranking;
+    if !bench.ranking.is_best_by_lines() {
+        let sentence = "the pose that lines of like appearance agree on is not the one that most lines agree on: show edges in \
+                        other directions and places, and turn the rig between views"
+            .to_owned();
+        return object(State::Ambiguous, ReasonCode::RunnerUpTooClose, sentence);
+    }
+    let by_lines = bench.ranking.by_lines.as_deref();
+    lead_of(bench.ranking, &bench.limits, 1.0).or_else(|| lead_of(by_lines?, &bench.limits, LEAD_BY_LINES))
+}
+
+/// The objection where a ranking's best pose does not lead by `share` of what the limits ask beyond 1.
+fn lead_of(ranking: &Ranking, limits: &VerdictLimits, share: f64) -> Objection {
+    let Ranking { best, neighbour, runner_up, impossible, .. } = ranking;
+    let scaled = |min_lead: f64| 1.0 + share * (min_lead - 1.0);
     let limits = [
-        (runner_up, bench.limits.min_lead),
-        (neighbour, bench.limits.min_lead_nearby),
-        (impossible, bench.limits.min_lead_impossible),
+        (runner_up, scaled(limits.min_lead)),
+        (neighbour, scaled(limits.min_lead_nearby)),
+        (impossible, scaled(limits.min_lead_impossible)),
     ];
     let (rival, min_lead) = limits.into_iter().find_map(|(rival, min_lead)| {
         let rival = rival.as_ref()?;

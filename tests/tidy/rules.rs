@@ -3,18 +3,28 @@
 use crate::source::{NamedPath, TextFile, paths, words};
 
 /// Who may use whom: a module and what it may name of this crate besides itself; `bin` stands for the two programs.
-pub const USES: [(&str, &[&str]); 10] = [
+pub const USES: [(&str, &[&str]); 11] = [
     ("geometry", &[]),
     ("image", &["geometry"]),
     ("lines", &["geometry", "image"]),
+    ("learned", &["geometry", "image"]),
     ("solver", &["geometry"]),
     ("capture", &["geometry", "image"]),
-    ("pipeline", &["geometry", "image", "lines", "solver", "capture"]),
+    ("pipeline", &["geometry", "image", "lines", "learned", "solver", "capture"]),
     ("ipc", &["geometry", "solver"]),
-    ("service", &["geometry", "lines", "solver", "capture", "pipeline", "ipc"]),
+    ("service", &["geometry", "lines", "learned", "solver", "capture", "pipeline", "ipc"]),
     (
         "cli",
-        &["geometry", "solver", "capture", "pipeline", "ipc", "service::config", "service::ServiceError"],
+        &[
+            "geometry",
+            "learned",
+            "solver",
+            "capture",
+            "pipeline",
+            "ipc",
+            "service::config",
+            "service::ServiceError",
+        ],
     ),
     ("bin", &["service", "cli"]),
 ];

@@ -131,7 +131,7 @@ impl Rig {
 
     fn take_set(&mut self) -> Result<(), CaptureError> {
         let views = self.eyes.iter_mut().map(|eye| eye.look().map(Some)).collect::<Result<Vec<_>, _>>()?;
-        self.estimator.add(&views);
+        self.estimator.add(&views, &[]);
         Ok(())
     }
 }

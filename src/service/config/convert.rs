@@ -23,6 +23,7 @@ pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Ref
     Ok(PipelineOptions {
         detect: detect_options(&file.lines)?,
         lift: lift_options(&file.lines)?,
+        association: file.estimate.association.into(),
         estimate: estimate_options(&file.estimate)?,
         motion: MotionOptions { max_speed_px_per_s: file.sync.max_speed_px_per_s },
         sync: sync_options(&file.sync)?,

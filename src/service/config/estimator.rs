@@ -1,7 +1,8 @@
-//! The key `estimate.estimator`.
+//! The keys `estimate.estimator` and `estimate.association`.
 
 use serde::{Deserialize, Serialize};
 
+use crate::pipeline::Association;
 use crate::solver::Estimator;
 
 /// What the file calls an estimator.
@@ -28,6 +29,42 @@ impl From<EstimatorName> for Estimator {
         match name {
             EstimatorName::Consensus => Estimator::Consensus,
             EstimatorName::Pelical => Estimator::Pelical,
+        }
+    }
+}
+
+/// What the file calls the sources that score candidate matches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AssociationName {
+    /// All that there are.
+    Auto,
+    /// None.
+    Geometric,
+    /// Descriptors.
+    Descriptor,
+    /// The learned matcher.
+    Onnx,
+}
+
+impl From<Association> for AssociationName {
+    fn from(association: Association) -> Self {
+        match association {
+            Association::Auto => AssociationName::Auto,
+            Association::Geometric => AssociationName::Geometric,
+            Association::Descriptor => AssociationName::Descriptor,
+            Association::Onnx => AssociationName::Onnx,
+        }
+    }
+}
+
+impl From<AssociationName> for Association {
+    fn from(name: AssociationName) -> Self {
+        match name {
+            AssociationName::Auto => Association::Auto,
+            AssociationName::Geometric => Association::Geometric,
+            AssociationName::Descriptor => Association::Descriptor,
+            AssociationName::Onnx => Association::Onnx,
         }
     }
 }

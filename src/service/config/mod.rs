@@ -20,7 +20,7 @@ use std::path::Path;
 pub use backend::RigError;
 pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
-pub use estimator::EstimatorName;
+pub use estimator::{AssociationName, EstimatorName};
 pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};

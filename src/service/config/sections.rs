@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::estimator::EstimatorName;
+use super::estimator::{AssociationName, EstimatorName};
 use super::faults::FaultsSection;
 use super::serial::Serial;
 use super::synthetic::MoveEntry;
@@ -15,7 +15,7 @@ use super::watch::WatchSection;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::InstanceName;
 use crate::lines::{DetectOptions, LiftOptions};
-use crate::pipeline::{MotionOptions, SolveOptions, SyncOptions};
+use crate::pipeline::{Association, MotionOptions, SolveOptions, SyncOptions};
 use crate::solver::EstimateOptions;
 
 /// The whole file.
@@ -325,6 +325,8 @@ impl Default for LinesSection {
 pub struct EstimateSection {
     /// Who finds the poses.
     pub estimator: EstimatorName,
+    /// What scores candidate matches.
+    pub association: AssociationName,
     /// Largest distance between two cameras that is considered.
     pub max_baseline_m: f64,
     /// Lifted lines kept per image, the most informative.
@@ -354,6 +356,7 @@ impl Default for EstimateSection {
         let rounded = |value: f64| (value * 1e3).round() / 1e3;
         Self {
             estimator: EstimatorName::from(estimator),
+            association: AssociationName::from(Association::default()),
             max_baseline_m,
             max_lines_per_view: evidence.max_lines_per_view,
             max_sets: evidence.max_sets,

@@ -90,6 +90,12 @@ pub fn solve_matches(pairs: &[LinePair], limits: &MatchedLimits) -> MatchedSolut
     }
 }
 
+/// Poses that the matches agree on, near their minimum, each with how many it explains, best first; empty where no two agree.
+pub fn rough_poses(pairs: &[LinePair]) -> Vec<(Motion, usize)> {
+    let fits = rough_fits(&Sights::new(pairs), 0.0);
+    fits.into_iter().map(|fit| (fit.pose, fit.inliers.len())).collect()
+}
+
 /// Poses near their minimum that explain `least` or more, the one that explains most first.
 fn rough_fits(sights: &Sights<'_>, least: f64) -> Vec<Fit> {
     let leaders = draw::leaders(sights, least);

@@ -89,6 +89,7 @@ fn hypothesis(scene: &Scene<'_>, pose: &Motion, inliers: &[Found]) -> Hypothesis
     let noise_scale = noise_scale(&matches, 1.0);
     let information = Matched::new(&matches, &pnl).equations(scene, pose, noise_scale).information;
     let refined = Refined { target_from_source: *pose, information, stop: Stop::SmallStep };
-    let score = matches.iter().map(|found| found.gain).sum();
-    Hypothesis { refined, matches, pnl, score, missing: Default::default(), noise_scale }
+    let appearance = matches.iter().map(|found| found.nats).sum();
+    let score = matches.iter().map(Match::worth).sum();
+    Hypothesis { refined, matches, pnl, score, appearance, missing: Default::default(), noise_scale }
 }

@@ -79,7 +79,7 @@ fn lines_lifted_by_one_camera_only_fix_no_pose() {
         crate::solver::RigEstimator::new(crate::solver::tests::room::rig(2), EstimateOptions::default());
     for mut set in frame_sets(&mut random, &room, &[Motion::identity(), truth()], 8) {
         set[1].as_mut().expect("there").lines.iter_mut().for_each(|line| line.depth = None);
-        estimator.add(&set);
+        estimator.add(&set, &[]);
     }
     assert_ne!(estimator.solve().state, State::Converged);
 }

@@ -69,7 +69,7 @@ fn one_camera_has_nothing_to_calibrate() {
 #[test]
 fn a_rig_without_cameras_is_told_too() {
     let mut estimator = RigEstimator::new(Vec::new(), EstimateOptions::default());
-    assert!(!estimator.add(&[]));
+    assert!(!estimator.add(&[], &[]));
     let calibration = estimator.solve();
     assert_eq!(calibration.reason.expect("not converged").code, ReasonCode::OneCamera);
 }
@@ -99,7 +99,7 @@ fn a_changing_scene_before_a_rig_that_stands_still_is_one_view() {
     for _ in 0..30 {
         let mut scene = room(&mut random, 12);
         scene.extend(&backdrop);
-        estimator.add(&frame_sets_along(&mut random, &scene, &pair(), &path)[0]);
+        estimator.add(&frame_sets_along(&mut random, &scene, &pair(), &path)[0], &[]);
     }
     let calibration = estimator.solve();
     assert!(calibration.frame_sets_used <= 8, "{} sets of one pose are kept", calibration.frame_sets_used);

@@ -33,7 +33,7 @@ fn error2_in_sigmas(name: &str, noise_factor: f64) -> f64 {
         EstimateOptions { max_baseline_m: 0.6, verdict: whatever_fixes_a_pose(), ..Default::default() };
     let mut estimator = RigEstimator::new(rig(2), options);
     sets.iter().for_each(|set| {
-        estimator.add(set);
+        estimator.add(set, &[]);
     });
     let calibration = estimator.solve();
     let found = calibration.cameras[1].as_ref().unwrap_or_else(|| panic!("{name}: {:?}", calibration.reason));
@@ -142,7 +142,7 @@ fn a_ranking_can_be_given_up() {
     let sets = frame_sets(&mut random, &room, &[Motion::identity(), Motion::identity()], 4);
     let mut estimator = RigEstimator::new(rig(2), EstimateOptions::default());
     sets.iter().for_each(|set| {
-        estimator.add(set);
+        estimator.add(set, &[]);
     });
     assert!(estimator.solve_while(&|| false).is_none());
     assert!(estimator.solve_while(&|| true).is_some());

@@ -10,7 +10,7 @@ use crate::solver::{EstimateOptions, Estimator, RigCalibration, RigEstimator, St
 pub fn solved(n_cameras: usize, sets: &[Vec<Option<CameraView>>]) -> RigCalibration {
     let mut estimator = RigEstimator::new(rig(n_cameras), EstimateOptions::default());
     for set in sets {
-        estimator.add(set);
+        estimator.add(set, &[]);
     }
     estimator.solve()
 }
@@ -120,7 +120,7 @@ fn the_papers_estimator_finds_a_rig_behind_the_same_verdict() {
     let options = EstimateOptions { estimator: Estimator::Pelical, ..EstimateOptions::default() };
     let mut estimator = RigEstimator::new(rig(2), options);
     for set in frame_sets(&mut random, &room, &[Motion::identity(), target_from_source], 12) {
-        estimator.add(&set);
+        estimator.add(&set, &[]);
     }
     let calibration = estimator.solve();
     assert_eq!(calibration.state, State::Converged, "{:?}", calibration.reason);

@@ -45,7 +45,7 @@ fn views_that_came_once_outlive_a_thousand_common_ones() {
     let rare = frame_sets(&mut random, &scene, &pair(), 14);
     let common = common_sets(&mut random, 1000);
     let mut estimator = RigEstimator::new(rig(2), small_memory(20));
-    let n_kept = rare.iter().chain(&common).filter(|set| estimator.add(set)).count();
+    let n_kept = rare.iter().chain(&common).filter(|set| estimator.add(set, &[])).count();
     assert!(n_kept < 300, "common views that add nothing are refused, {n_kept} were taken");
     let calibration = estimator.solve();
     assert_eq!(calibration.state, State::Converged, "{:?}", calibration.reason);
@@ -55,7 +55,7 @@ fn views_that_came_once_outlive_a_thousand_common_ones() {
     assert!(gap.0 < 0.2 && gap.1 < 0.006, "{gap:?}");
     let mut newest_only = RigEstimator::new(rig(2), small_memory(20));
     common[common.len() - 20..].iter().for_each(|set| {
-        newest_only.add(set);
+        newest_only.add(set, &[]);
     });
     assert_ne!(newest_only.solve().state, State::Converged, "the common views alone fix no pose");
 }
@@ -68,7 +68,7 @@ fn a_full_memory_holds_more_matches_than_the_newest_sets() {
     let sigma = |sets: &[FrameSet]| {
         let mut estimator = RigEstimator::new(rig(2), small_memory(15));
         sets.iter().for_each(|set| {
-            estimator.add(set);
+            estimator.add(set, &[]);
         });
         let calibration = estimator.solve();
         (calibration.pairs[0].matches, calibration.cameras[1].as_ref().expect("a pose").covariance.trace())

@@ -292,7 +292,14 @@ impl PairWatch {
 
 /// A ranking of one pose, for the verdict.
 fn alone(best: Hypothesis) -> Ranking {
-    Ranking { candidates: Vec::new(), best, neighbour: None, runner_up: None, impossible: None }
+    Ranking {
+        candidates: Vec::new(),
+        best,
+        neighbour: None,
+        runner_up: None,
+        impossible: None,
+        by_lines: None,
+    }
 }
 
 /// Whether a pose explains the lines clearly better than another one with the given score.

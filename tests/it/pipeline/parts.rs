@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use pelical::capture::RgbdFrame;
-use pelical::geometry::{Camera, CameraView};
+use pelical::geometry::{Camera, CameraView, PairScores};
 use pelical::pipeline::{Estimator, FindTimes, FoundLines, LineFinder};
 use pelical::solver::{RigCalibration, State};
 
@@ -52,7 +52,7 @@ impl CountingEstimator {
 }
 
 impl Estimator for CountingEstimator {
-    fn add(&mut self, views: &[Option<CameraView>]) -> bool {
+    fn add(&mut self, views: &[Option<CameraView>], _: &mut dyn FnMut() -> Vec<PairScores>) -> bool {
         assert!(views.iter().flatten().count() >= 2, "a set has at least two views");
         self.sets += 1;
         true
@@ -75,7 +75,7 @@ pub struct Gate {
 pub struct BlockingEstimator(pub Arc<Gate>);
 
 impl Estimator for BlockingEstimator {
-    fn add(&mut self, _: &[Option<CameraView>]) -> bool {
+    fn add(&mut self, _: &[Option<CameraView>], _: &mut dyn FnMut() -> Vec<PairScores>) -> bool {
         true
     }
 

@@ -1,0 +1,61 @@
+//! Points along segments: which segments, which points, and their descriptors.
+
+use super::dense::DescriptorMap;
+use crate::geometry::{PixelPoint, Segment};
+
+/// Distance of the points along a segment, px.
+const STEP_PX: f64 = 12.0;
+/// Most points of one segment.
+const MAX_PER_LINE: usize = 40;
+/// Most points of one image: the glue's time grows with the square of it.
+const MAX_PER_IMAGE: usize = 800;
+
+/// Points along the longest segments of an image.
+#[derive(Debug, Clone)]
+pub(super) struct Samples {
+    /// Indices of the segments that are used, ascending.
+    pub(super) lines: Vec<usize>,
+    /// For each of them, its points in `points`.
+    pub(super) of_line: Vec<std::ops::Range<usize>>,
+    /// Places, px.
+    pub(super) points: Vec<PixelPoint>,
+}
+
+/// How many points a segment has, both ends among them.
+fn n_points(segment: &Segment) -> usize {
+    // A length that is no number becomes 0.
+    ((segment.length_px() / STEP_PX) as usize + 1).clamp(2, MAX_PER_LINE)
+}
+
+impl Samples {
+    /// Points along the longest of the segments, as many as there is room for.
+    pub(super) fn along(segments: &[Segment]) -> Self {
+        let mut lines: Vec<usize> = (0..segments.len()).collect();
+        lines.sort_by(|&a, &b| segments[b].length_px().total_cmp(&segments[a].length_px()));
+        let mut n_used = 0;
+        let n_lines = lines.iter().take_while(|&&line| {
+            n_used += n_points(&segments[line]);
+            n_used <= MAX_PER_IMAGE
+        });
+        lines.truncate(n_lines.count());
+        lines.sort_unstable();
+        let (mut points, mut of_line) = (Vec::new(), Vec::new());
+        for &line in &lines {
+            let (segment, n) = (&segments[line], n_points(&segments[line]));
+            of_line.push(points.len()..points.len() + n);
+            points.extend((0..n).map(|k| point_at(segment, k as f64 / (n - 1) as f64)));
+        }
+        Self { lines, of_line, points }
+    }
+
+    /// The unit descriptors of the points, one after the other.
+    pub(super) fn descriptors(&self, map: &DescriptorMap) -> Vec<f32> {
+        let mut out = Vec::with_capacity(self.points.len() * map.len);
+        self.points.iter().for_each(|&point| map.sample(point, &mut out));
+        out
+    }
+}
+
+fn point_at(Segment { start, end, .. }: &Segment, share: f64) -> PixelPoint {
+    PixelPoint { x: start.x + (end.x - start.x) * share, y: start.y + (end.y - start.y) * share }
+}
