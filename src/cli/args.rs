@@ -43,6 +43,8 @@ pub enum Command {
     Solve(SolveArgs),
     /// Show the lines of a recording's frame sets and which of them are matched; with ground truth, how well.
     Match(MatchArgs),
+    /// Measure the time of every stage with the frames of a recording, on one core and in the live pipeline, and what is dropped.
+    Bench(BenchArgs),
     /// Print what the daemon is doing.
     Status(Output),
     /// Print every result and the progress of the daemon until stopped.
@@ -222,6 +224,34 @@ pub enum AssociationChoice {
     Geometric,
 }
 
+/// `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Folder with recording.yaml; its first 40 frame sets are played from memory, round and round.
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// How long each of the two parts runs, s.
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = duration_s)]
+    pub seconds: std::time::Duration,
+    /// Frame sets per second for the pipeline; without it as many as it can take.
+    #[arg(long, value_name = "HZ", value_parser = rate_hz)]
+    pub rate_hz: Option<f64>,
+    /// Config file whose sections `sync`, `lines` and `estimate` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+fn rate_hz(text: &str) -> Result<f64, String> {
+    let rate: f64 = text.parse().map_err(|_| format!("{text:?} is not a number of frame sets per second"))?;
+    if (0.1..=1000.0).contains(&rate) {
+        return Ok(rate);
+    }
+    Err(format!("{text} Hz is out of range: allowed is 0.1 to 1000"))
+}
+
 fn length_px(text: &str) -> Result<f64, String> {
     let length: f64 = text.parse().map_err(|_| format!("{text:?} is not a number of px"))?;
     if (0.0..=16_384.0).contains(&length) {
@@ -306,6 +336,11 @@ mod tests {
             vec!["pelical", "evaluate", "--paper", "--seeds", "0"],
             vec!["pelical", "evaluate", "--paper", "--angles", "20,x"],
             vec!["pelical", "record", "x", "--config", "c", "--sets", "0"],
+            vec!["pelical", "match", "x", "--set", "-1"],
+            vec!["pelical", "match", "x", "--min-length-px", "nan"],
+            vec!["pelical", "match", "x", "--association", "guess"],
+            vec!["pelical", "bench", "x", "--seconds", "0"],
+            vec!["pelical", "bench", "x", "--rate-hz", "inf"],
             vec!["pelical", "record", "x", "--config", "c", "--duration", "nan"],
         ] {
             assert!(ClientArgs::try_parse_from(&line).is_err(), "{line:?}");

@@ -1,6 +1,7 @@
 //! The client's commands: each does one thing, prints one document, and ends with one exit code.
 
 pub mod args;
+mod bench;
 mod calibrate;
 mod canvas;
 mod demo;
@@ -43,6 +44,7 @@ fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError
         Command::Evaluate(args) => evaluate::run(args),
         Command::Solve(args) => solve::run(args),
         Command::Match(args) => matching::run(args).map(|()| Exit::Done),
+        Command::Bench(args) => bench::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
         Command::Status(output) => online::status(instance, *output),

@@ -1,5 +1,6 @@
 //! What the client prints: JSON documents for scripts, text for people. stdout is for these alone.
 
+pub mod bench;
 pub mod document;
 pub mod matching;
 pub mod moved;

@@ -1,0 +1,141 @@
+//! `pelical bench`: how long each stage takes, on one core and in the live pipeline, and what is dropped.
+//!
+//! Frames are decoded before the clocks start and then played round and round, so that reading them is no part of any figure.
+
+mod lockstep;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::args::BenchArgs;
+use super::error::CliError;
+use super::exit::Exit;
+use super::interrupt::Interrupt;
+use super::output;
+use super::output::bench::{BenchDocument, LineCounts, OneCoreEntry, PipelineEntry, StageEntry};
+use super::talk::say;
+use crate::capture::RgbdFrame;
+use crate::capture::recording::Recording;
+use crate::pipeline::{
+    CameraSlot, Command, FoundLines, MotionOptions, Parts, Pipeline, PipelineEvent, PipelineOptions,
+};
+use crate::service::config;
+use lockstep::{Gate, Lockstep};
+
+/// Frame sets kept in memory, the first ones; 1.5 MB for each image of 640 x 480.
+const MAX_SETS: usize = 40;
+/// Longest wait for an event before the next set is released whatever became of the last one.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Measures and prints.
+///
+/// # Errors
+/// When the config or the recording is not usable, or the pipeline does not start.
+pub fn run(args: &BenchArgs) -> Result<Exit, CliError> {
+    let mut options = config::load_or_default(args.config.as_deref())?.pipeline;
+    // The views jump from frame to frame here; that must not keep the estimator idle.
+    options.motion = MotionOptions { max_speed_px_per_s: f64::INFINITY };
+    let interrupt = Interrupt::register()?;
+    let recording = Recording::open(&args.recording)?;
+    let frames = read_ahead(&recording)?;
+    say(format_args!("one core, {:.0} s", args.seconds.as_secs_f64()));
+    let one_core = one_core((&recording, &frames), &options, (args.seconds, &interrupt));
+    say(format_args!("pipeline, {:.0} s", args.seconds.as_secs_f64()));
+    let gate = Arc::new(Gate::new(args.rate_hz));
+    let cameras = cameras((&recording, frames), &gate);
+    let pipeline = live((cameras, &gate), &options, (args.seconds, &interrupt))?;
+    let document = BenchDocument::new(&recording, one_core, pipeline);
+    if args.output.json {
+        output::print_json(&document)?;
+    } else {
+        output::print_text(&output::bench::text(&document))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// The first frame sets, by camera.
+fn read_ahead(recording: &Recording) -> Result<Vec<Arc<[RgbdFrame]>>, CliError> {
+    let of_camera = |camera: usize| {
+        let read = |stamps: &Vec<_>| {
+            let mut frame = RgbdFrame::default();
+            let stamp = stamps.get(camera).copied().unwrap_or_default();
+            recording.read_frame(camera, stamp, &mut frame).map(|()| frame)
+        };
+        recording.frame_sets().iter().take(MAX_SETS).map(read).collect::<Result<Arc<[_]>, _>>()
+    };
+    Ok((0..recording.cameras().len()).map(of_camera).collect::<Result<_, _>>()?)
+}
+
+/// The stages of the frame path one after the other on this thread: the time of an image without any other thread in the way.
+fn one_core(
+    (recording, frames): (&Recording, &[Arc<[RgbdFrame]>]),
+    options: &PipelineOptions,
+    (duration, interrupt): (Duration, &Interrupt),
+) -> OneCoreEntry {
+    let mut finder = (Parts::new(options).line_finder)();
+    let mut found = FoundLines::default();
+    let (mut detect, mut lift, mut lines) = (Vec::new(), Vec::new(), LineCounts::default());
+    let n_sets = frames.iter().map(|frames| frames.len()).min().unwrap_or(0);
+    let start = Instant::now();
+    for set in (0..n_sets).cycle() {
+        if start.elapsed() >= duration || interrupt.is_set() {
+            break;
+        }
+        for (info, frames) in recording.cameras().iter().zip(frames) {
+            let times = finder.find(&frames[set], &info.camera, &mut found);
+            detect.push(times.detect);
+            lift.push(times.lift);
+            let view = &found.view.lines;
+            lines.add(view.len(), view.iter().filter(|line| line.depth.is_some()).count());
+        }
+    }
+    OneCoreEntry::new(
+        start.elapsed(),
+        lines,
+        vec![StageEntry::exact("detect", detect), StageEntry::exact("lift", lift)],
+    )
+}
+
+fn cameras((recording, frames): (&Recording, Vec<Arc<[RgbdFrame]>>), gate: &Arc<Gate>) -> Vec<CameraSlot> {
+    let slot = |(info, frames): (&crate::capture::CameraInfo, Arc<[RgbdFrame]>)| CameraSlot {
+        serial: info.serial.clone(),
+        name: info.name.clone(),
+        factory: Arc::new(Lockstep { info: info.clone(), frames, gate: Arc::clone(gate) }),
+    };
+    recording.cameras().iter().zip(frames).map(slot).collect()
+}
+
+/// The live pipeline with all its threads.
+fn live(
+    (cameras, gate): (Vec<CameraSlot>, &Gate),
+    options: &PipelineOptions,
+    (duration, interrupt): (Duration, &Interrupt),
+) -> Result<PipelineEntry, CliError> {
+    let failed = |what: &dyn std::fmt::Display| CliError::Failed(what.to_string());
+    let (sender, events) = crossbeam_channel::bounded(256);
+    let pipeline = Pipeline::start(cameras, options, sender).map_err(|error| failed(&error))?;
+    let mut lines = LineCounts::default();
+    let start = Instant::now();
+    while start.elapsed() < duration && !interrupt.is_set() {
+        let mut n_lost = 0;
+        match events.recv_timeout(PATIENCE) {
+            Ok(PipelineEvent::Progress(progress)) => {
+                for camera in progress.cameras.iter().filter(|camera| camera.is_present) {
+                    lines.add(camera.lines as usize, camera.lifted as usize);
+                }
+            }
+            // Always busy: a result would end the collecting.
+            Ok(PipelineEvent::Calibration(_)) => drop(pipeline.command(Command::Recalibrate)),
+            Ok(PipelineEvent::Bug { thread }) => {
+                return Err(failed(&format!("thread {thread} ended by a bug")));
+            }
+            Ok(_) => {}
+            Err(_) => n_lost = 1,
+        }
+        let counts = pipeline.snapshot().counts;
+        gate.release_after(counts.sets_done + counts.dropped_sets + counts.refused_skew + n_lost);
+    }
+    let (elapsed, snapshot) = (start.elapsed(), pipeline.snapshot());
+    pipeline.stop();
+    Ok(PipelineEntry::new(elapsed, lines, &snapshot))
+}
