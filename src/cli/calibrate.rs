@@ -6,6 +6,7 @@ use super::args::CalibrateArgs;
 use super::error::CliError;
 use super::exit::Exit;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::talk::say;
 use super::{output, progress};
 use crate::capture::recording::Recording;
 use crate::ipc::CameraIdentity;
@@ -71,5 +72,9 @@ fn run_offline(recording: &Recording, options: &PipelineOptions) -> Result<Offli
         OfflineProgress::Solving => bar.set_message("solving"),
     });
     bar.finish_and_clear();
-    Ok(run?)
+    let run = run?;
+    if let Some(complaint) = &run.complaint {
+        say(format_args!("pelical: {complaint}"));
+    }
+    Ok(run)
 }

@@ -4,6 +4,8 @@ use std::time::{Duration, Instant};
 
 use crate::capture::{RgbdFrame, StampNs};
 use crate::geometry::{Camera, CameraView};
+use crate::image::GrayView;
+use crate::lines::LineDescriptor;
 
 use super::MAX_CAMERAS;
 use super::motion::Thumbnail;
@@ -53,8 +55,20 @@ impl FrameSlot {
 pub struct FoundLines {
     /// The lines and surface samples.
     pub view: CameraView,
+    /// What the lines look like, in their order; none where nobody asked.
+    pub looks: Vec<LineDescriptor>,
     /// The coarse image, for the motion test.
     pub thumbnail: Thumbnail,
+    /// The gray image without gaps between its rows, and its width and height, px; empty where nobody asked.
+    pub(super) gray: (Vec<u8>, (usize, usize)),
+}
+
+impl FoundLines {
+    /// The image, where it was kept.
+    pub fn image(&self) -> Option<GrayView<'_>> {
+        let (pixels, size) = &self.gray;
+        GrayView::try_new(pixels, *size, size.0)
+    }
 }
 
 /// The lines of one frame.
@@ -73,7 +87,8 @@ impl LineSlot {
             lines: Vec::with_capacity(LINES_RESERVED),
             surface: Vec::with_capacity(SURFACE_RESERVED),
         };
-        let found = FoundLines { view, thumbnail: Thumbnail::default() };
+        let looks = Vec::with_capacity(LINES_RESERVED);
+        let found = FoundLines { view, looks, ..FoundLines::default() };
         let stamp = StampNs::default();
         Self { found, camera: 0, intrinsics: None, stamp, set: SetHeader::empty(now) }
     }

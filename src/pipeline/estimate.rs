@@ -179,7 +179,11 @@ impl EstimateStage {
         let mut score = || {
             let slots = views.iter().zip(&set.slots);
             let seen = slots.map(|(view, slot)| Some(SeenLines::new(view.as_ref()?, &slot.as_ref()?.found)));
-            source.score(&seen.collect::<Vec<_>>(), &is_wanted)
+            let scores = source.score(&seen.collect::<Vec<_>>(), &is_wanted);
+            if let Some(complaint) = source.complaint() {
+                tracing::warn!("{complaint}");
+            }
+            scores
         };
         estimator.add(views, &mut score)
     }

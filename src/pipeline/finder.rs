@@ -1,14 +1,15 @@
-//! From a frame to its lines: gray, detect, lift, surface. One finder per thread, with its own scratch memory.
+//! From a frame to its lines: gray, detect, lift, surface, and what a source of matches wants to know of them. One finder per thread, with its own scratch memory.
 
 use std::time::{Duration, Instant};
 
 use crate::capture::RgbdFrame;
 use crate::geometry::{Camera, Segment};
-use crate::image::{GrayView, gray_from_rgb};
-use crate::lines::{DetectOptions, Detector, LiftOptions, Lifter, sample_surface};
+use crate::image::{GrayView, RgbView, gray_from_rgb};
+use crate::lines::{Describer, Detector, Lifter, sample_surface};
 
 use super::buffers::FoundLines;
 use super::motion::Thumbnail;
+use super::options::PipelineOptions;
 
 /// Finds the lines of a frame; another one can be put into the pipeline, in tests for example.
 pub trait LineFinder: Send {
@@ -21,7 +22,7 @@ pub trait LineFinder: Send {
 pub struct FindTimes {
     /// Gray conversion and segment detection.
     pub detect: Duration,
-    /// Lifting and surface samples.
+    /// Lifting, surface samples and descriptors.
     pub lift: Duration,
 }
 
@@ -30,16 +31,21 @@ pub struct FindTimes {
 pub struct SegmentLineFinder {
     detector: Detector,
     lifter: Lifter,
+    /// `None` where nobody asks for descriptors.
+    describer: Option<Describer>,
+    keeps_images: bool,
     gray: Vec<u8>,
     segments: Vec<Segment>,
 }
 
 impl SegmentLineFinder {
     /// A finder with the given options.
-    pub fn new(detect: DetectOptions, lift: LiftOptions) -> Self {
+    pub fn new(options: &PipelineOptions) -> Self {
         Self {
-            detector: Detector::new(detect),
-            lifter: Lifter::new(lift),
+            detector: Detector::new(options.detect),
+            lifter: Lifter::new(options.lift),
+            describer: options.associate.needs_looks().then(Describer::new),
+            keeps_images: options.associate.needs_images(),
             gray: Vec::new(),
             segments: Vec::new(),
         }
@@ -51,6 +57,8 @@ impl LineFinder for SegmentLineFinder {
         let start = Instant::now();
         found.view.lines.clear();
         found.view.surface.clear();
+        found.looks.clear();
+        found.gray.1 = (0, 0);
         found.thumbnail = Thumbnail::default();
         gray_from_rgb(&frame.rgb, &mut self.gray);
         let size = (frame.width, frame.height);
@@ -68,6 +76,15 @@ impl LineFinder for SegmentLineFinder {
         let _span = tracing::trace_span!("lift").entered();
         self.lifter.lift(&self.segments, &depth, camera, &mut found.view.lines);
         sample_surface(&depth, camera, &mut found.view.surface);
+        let colour = RgbView::try_new(&frame.rgb, size, 3 * frame.width);
+        if let (Some(describer), Some(colour)) = (&mut self.describer, colour) {
+            describer.describe(&colour, &found.view.lines, &mut found.looks);
+        }
+        if self.keeps_images {
+            // The buffers change places: nothing is copied.
+            std::mem::swap(&mut self.gray, &mut found.gray.0);
+            found.gray.1 = size;
+        }
         FindTimes { detect: detected - start, lift: detected.elapsed() }
     }
 }

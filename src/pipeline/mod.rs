@@ -46,7 +46,7 @@ use crossbeam_channel::Sender;
 use crate::capture::DeviceFactory;
 use crate::solver::RigEstimator;
 
-pub use associate::{Association, MatchSource};
+pub use associate::{AssociateOptions, Association, MatchSource};
 pub use buffers::FoundLines;
 pub use capture_loop::FRAME_TIMEOUT;
 pub use estimate::{Estimator, MakeEstimator, MakeMatchSource};
@@ -92,11 +92,12 @@ pub struct Parts {
 impl Parts {
     /// This library's own parts.
     pub fn new(options: &PipelineOptions) -> Self {
-        let PipelineOptions { detect, lift, estimate, association, .. } = *options;
+        let (estimate, associate) = (options.estimate, options.associate.clone());
+        let options = options.clone();
         Self {
-            line_finder: Box::new(move || Box::new(SegmentLineFinder::new(detect, lift))),
+            line_finder: Box::new(move || Box::new(SegmentLineFinder::new(&options))),
             estimator: Box::new(move |cameras| Box::new(RigEstimator::new(cameras, estimate))),
-            match_source: Box::new(move || associate::source(association)),
+            match_source: Box::new(move || associate::source(&associate)),
         }
     }
 }

@@ -99,6 +99,8 @@ pub struct OfflineRun {
     pub frame_sets: SetCounts,
     /// Lines found per camera, in all sets.
     pub lines: Vec<u64>,
+    /// What had to be done without, in a sentence for the user.
+    pub complaint: Option<String>,
 }
 
 /// Reads all sets, then solves. `options.n_line_threads` changes the time, never the result; frames that do not have their camera's
@@ -130,7 +132,8 @@ pub fn run_offline(
         total: ms(start.elapsed()),
     };
     let lines = run.cameras.iter().map(|camera| camera.n_lines).collect();
-    Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, lines })
+    let complaint = run.source.complaint();
+    Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, lines, complaint })
 }
 
 fn ms(duration: Duration) -> f64 {
@@ -181,17 +184,17 @@ impl Run {
     fn new(cameras: &[RigCamera], options: &PipelineOptions) -> Self {
         let of_camera = |camera: &RigCamera| CameraRun {
             camera: camera.camera,
-            finder: SegmentLineFinder::new(options.detect, options.lift),
+            finder: SegmentLineFinder::new(options),
             found: FoundLines::default(),
             times: FindTimes::default(),
             last_glimpse: None,
             n_lines: 0,
         };
         Self {
-            options: *options,
+            options: options.clone(),
             cameras: cameras.iter().map(of_camera).collect(),
             n_threads: options.line_threads(cameras.len()),
-            source: associate::source(options.association),
+            source: associate::source(&options.associate),
             estimator: RigEstimator::new(cameras.to_vec(), options.estimate),
             views: vec![None; cameras.len()],
             counts: SetCounts::default(),

@@ -6,18 +6,18 @@ use crate::lines::{DetectOptions, LiftOptions};
 use crate::solver::{EstimateOptions, WatchLimits};
 
 use super::MAX_CAMERAS;
-use super::associate::Association;
+use super::associate::AssociateOptions;
 use super::motion::MotionOptions;
 
 /// Everything that can be chosen about the pipeline.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct PipelineOptions {
     /// Segment detection.
     pub detect: DetectOptions,
     /// Lifting.
     pub lift: LiftOptions,
     /// What scores candidate matches.
-    pub association: Association,
+    pub associate: AssociateOptions,
     /// The estimator.
     pub estimate: EstimateOptions,
     /// The motion test.

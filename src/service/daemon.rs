@@ -90,7 +90,7 @@ impl Rig {
         Ok(Self {
             slots: cameras.iter().map(slot).collect(),
             identities: cameras.iter().map(identity).collect(),
-            options: config.pipeline,
+            options: config.pipeline.clone(),
             on_moved: config.on_moved,
             make_parts: Parts::new,
         })

@@ -9,7 +9,9 @@ use crate::capture::synthetic::SyntheticFactory;
 use crate::capture::{CaptureError, DeviceFactory, FrameSource, RgbdFrame};
 use crate::geometry::CameraView;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
-use crate::pipeline::{FoundLines, LineFinder, PipelineOptions, SegmentLineFinder};
+use crate::pipeline::{
+    AssociateOptions, Association, FoundLines, LineFinder, PipelineOptions, SegmentLineFinder,
+};
 use crate::solver::{CameraPose, RigCalibration, RigCamera, RigEstimator, State};
 
 /// The first solution is asked for after so many frame sets ...
@@ -116,12 +118,15 @@ struct Eye {
 
 impl Rig {
     fn open(factory: &SyntheticFactory, options: &PipelineOptions) -> Result<Self, CaptureError> {
+        // The paper's estimator has no use for appearance.
+        let associate = AssociateOptions { association: Association::Geometric, ..options.associate.clone() };
+        let options = &PipelineOptions { associate, ..options.clone() };
         let (mut eyes, mut cameras) = (Vec::new(), Vec::new());
         for info in factory.list()? {
             eyes.push(Eye {
                 source: factory.open(&info.serial)?,
                 frame: RgbdFrame::default(),
-                finder: SegmentLineFinder::new(options.detect, options.lift),
+                finder: SegmentLineFinder::new(options),
                 found: FoundLines::default(),
             });
             cameras.push(RigCamera { name: info.name, camera: info.camera });

@@ -9,7 +9,7 @@ use super::sections::{
 };
 use crate::capture::synthetic::{self, Noise, SyntheticOptions};
 use crate::lines::{DetectOptions, LiftOptions};
-use crate::pipeline::{MotionOptions, PipelineOptions, SolveOptions, SyncOptions};
+use crate::pipeline::{AssociateOptions, MotionOptions, PipelineOptions, SolveOptions, SyncOptions};
 use crate::solver::{EstimateOptions, EvidenceLimits, VerdictLimits};
 
 /// Everything between frames and results.
@@ -23,7 +23,7 @@ pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Ref
     Ok(PipelineOptions {
         detect: detect_options(&file.lines)?,
         lift: lift_options(&file.lines)?,
-        association: file.estimate.association.into(),
+        associate: AssociateOptions { association: file.estimate.association.into(), ..Default::default() },
         estimate: estimate_options(&file.estimate)?,
         motion: MotionOptions { max_speed_px_per_s: file.sync.max_speed_px_per_s },
         sync: sync_options(&file.sync)?,
