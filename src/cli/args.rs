@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::ipc::InstanceName;
+use crate::pipeline::Association;
 
 /// Calibrates the cameras of a robot against each other while it runs, and publishes the result over shared memory.
 #[derive(Debug, Parser)]
@@ -220,8 +221,25 @@ pub struct MatchArgs {
 /// What `--association` asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum AssociationChoice {
+    /// Descriptors, and the learned matcher where the config names its models.
+    Auto,
     /// No appearance: the lines that the estimator's pose explains, where it converges on the whole recording.
     Geometric,
+    /// Descriptors.
+    Descriptor,
+    /// The learned matcher.
+    Onnx,
+}
+
+impl From<AssociationChoice> for Association {
+    fn from(choice: AssociationChoice) -> Self {
+        match choice {
+            AssociationChoice::Auto => Association::Auto,
+            AssociationChoice::Geometric => Association::Geometric,
+            AssociationChoice::Descriptor => Association::Descriptor,
+            AssociationChoice::Onnx => Association::Onnx,
+        }
+    }
 }
 
 /// `bench`.
@@ -236,6 +254,9 @@ pub struct BenchArgs {
     /// Frame sets per second for the pipeline; without it as many as it can take.
     #[arg(long, value_name = "HZ", value_parser = rate_hz)]
     pub rate_hz: Option<f64>,
+    /// Who proposes matches, instead of what the config says.
+    #[arg(long, value_enum)]
+    pub association: Option<AssociationChoice>,
     /// Config file whose sections `sync`, `lines` and `estimate` are used.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

@@ -14,10 +14,12 @@ use super::interrupt::Interrupt;
 use super::output;
 use super::output::bench::{BenchDocument, LineCounts, OneCoreEntry, PipelineEntry, StageEntry};
 use super::talk::say;
-use crate::capture::RgbdFrame;
 use crate::capture::recording::Recording;
+use crate::capture::{CameraInfo, RgbdFrame};
+use crate::pipeline::associate::{self, SeenLines};
 use crate::pipeline::{
-    CameraSlot, Command, FoundLines, MotionOptions, Parts, Pipeline, PipelineEvent, PipelineOptions,
+    CameraSlot, Command, FindTimes, FoundLines, MotionOptions, Parts, Pipeline, PipelineEvent,
+    PipelineOptions,
 };
 use crate::service::config;
 use lockstep::{Gate, Lockstep};
@@ -35,6 +37,9 @@ pub fn run(args: &BenchArgs) -> Result<Exit, CliError> {
     let mut options = config::load_or_default(args.config.as_deref())?.pipeline;
     // The views jump from frame to frame here; that must not keep the estimator idle.
     options.motion = MotionOptions { max_speed_px_per_s: f64::INFINITY };
+    if let Some(choice) = args.association {
+        options.associate.association = choice.into();
+    }
     let interrupt = Interrupt::register()?;
     let recording = Recording::open(&args.recording)?;
     let frames = read_ahead(&recording)?;
@@ -66,38 +71,47 @@ fn read_ahead(recording: &Recording) -> Result<Vec<Arc<[RgbdFrame]>>, CliError> 
     Ok((0..recording.cameras().len()).map(of_camera).collect::<Result<_, _>>()?)
 }
 
-/// The stages of the frame path one after the other on this thread: the time of an image without any other thread in the way.
+/// The stages one after the other on this thread: the time of an image without any other thread in the way.
 fn one_core(
     (recording, frames): (&Recording, &[Arc<[RgbdFrame]>]),
     options: &PipelineOptions,
     (duration, interrupt): (Duration, &Interrupt),
 ) -> OneCoreEntry {
     let mut finder = (Parts::new(options).line_finder)();
-    let mut found = FoundLines::default();
-    let (mut detect, mut lift, mut lines) = (Vec::new(), Vec::new(), LineCounts::default());
+    let mut source = associate::source(&options.associate);
+    let mut found: Vec<FoundLines> = frames.iter().map(|_| FoundLines::default()).collect();
+    let (mut times, mut scoring, mut lines) = (Vec::new(), Vec::new(), LineCounts::default());
     let n_sets = frames.iter().map(|frames| frames.len()).min().unwrap_or(0);
     let start = Instant::now();
     for set in (0..n_sets).cycle() {
         if start.elapsed() >= duration || interrupt.is_set() {
             break;
         }
-        for (info, frames) in recording.cameras().iter().zip(frames) {
-            let times = finder.find(&frames[set], &info.camera, &mut found);
-            detect.push(times.detect);
-            lift.push(times.lift);
-            let view = &found.view.lines;
-            lines.add(view.len(), view.iter().filter(|line| line.depth.is_some()).count());
+        for ((info, frames), found) in recording.cameras().iter().zip(frames).zip(&mut found) {
+            times.push(finder.find(&frames[set], &info.camera, found));
+            lines.count(&found.view.lines);
         }
+        let seen: Vec<_> = found.iter().map(|found| Some(SeenLines::new(&found.view, found))).collect();
+        let before = Instant::now();
+        source.score(&seen, &|| true);
+        scoring.push(before.elapsed());
     }
-    OneCoreEntry::new(
-        start.elapsed(),
-        lines,
-        vec![StageEntry::exact("detect", detect), StageEntry::exact("lift", lift)],
-    )
+    if let Some(complaint) = source.complaint() {
+        say(format_args!("pelical: {complaint}"));
+    }
+    let of_images = |part: fn(&FindTimes) -> Duration| times.iter().map(part).collect();
+    let stages = vec![
+        StageEntry::exact("gray", of_images(|times| times.gray)),
+        StageEntry::exact("detect", of_images(|times| times.detect)),
+        StageEntry::exact("lift", of_images(|times| times.lift)),
+        StageEntry::exact("describe", of_images(|times| times.describe)),
+        StageEntry::exact("match", scoring),
+    ];
+    OneCoreEntry::new(start.elapsed(), lines, stages)
 }
 
 fn cameras((recording, frames): (&Recording, Vec<Arc<[RgbdFrame]>>), gate: &Arc<Gate>) -> Vec<CameraSlot> {
-    let slot = |(info, frames): (&crate::capture::CameraInfo, Arc<[RgbdFrame]>)| CameraSlot {
+    let slot = |(info, frames): (&CameraInfo, Arc<[RgbdFrame]>)| CameraSlot {
         serial: info.serial.clone(),
         name: info.name.clone(),
         factory: Arc::new(Lockstep { info: info.clone(), frames, gate: Arc::clone(gate) }),

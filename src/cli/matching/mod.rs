@@ -9,7 +9,7 @@ pub mod score;
 mod tracks;
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::args::MatchArgs;
 use super::error::CliError;
@@ -19,9 +19,9 @@ use super::{output, progress};
 use crate::capture::RgbdFrame;
 use crate::capture::recording::{GroundTruth, RECORDING_FILE, Recording};
 use crate::geometry::motion::Motion;
-use crate::pipeline::{FindTimes, FoundLines, LineFinder, PipelineOptions, SegmentLineFinder};
+use crate::pipeline::{FindTimes, FoundLines, Parts, PipelineOptions};
 use crate::service::config;
-use propose::Proposer;
+use propose::{Proposal, Proposer};
 use same_edge::{SameEdges, Sight};
 use score::{Match, Tally};
 
@@ -38,6 +38,8 @@ pub struct MatchedSet {
     pub pairs: Vec<MatchedPair>,
     /// Time of finding lines, all cameras together.
     pub find: FindTimes,
+    /// Time of proposing matches, all pairs together.
+    pub took: Duration,
 }
 
 /// The matches between two cameras.
@@ -53,8 +55,6 @@ pub struct MatchedPair {
     pub matches: Vec<Match>,
     /// What truly belongs together; `None` without ground truth.
     pub truth: Option<SameEdges>,
-    /// Time of proposing matches, ms.
-    pub took_ms: f64,
 }
 
 impl MatchedPair {
@@ -79,6 +79,9 @@ impl MatchedSet {
 pub fn run(args: &MatchArgs) -> Result<(), CliError> {
     let mut options = config::load_or_default(args.config.as_deref())?.pipeline;
     options.detect.min_length_px = options.detect.min_length_px.max(args.min_length_px);
+    if let Some(choice) = args.association {
+        options.associate.association = choice.into();
+    }
     let recording = Recording::open(&args.recording)?;
     let sets = chosen_sets(&recording, args.set)?;
     let truth = recording.ground_truth()?;
@@ -129,35 +132,32 @@ fn match_set(
     options: &PipelineOptions,
     (proposer, truth): (&mut Proposer, Option<&GroundTruth>),
 ) -> Result<MatchedSet, CliError> {
-    let mut finder = SegmentLineFinder::new(options.detect, options.lift);
+    let mut finder = (Parts::new(options).line_finder)();
     let (mut frames, mut found, mut find) = (Vec::new(), Vec::new(), FindTimes::default());
     let stamps = recording.frame_sets().get(set).map_or(&[][..], Vec::as_slice);
     for (camera, (info, stamp)) in recording.cameras().iter().zip(stamps).enumerate() {
         let (mut frame, mut lines) = (RgbdFrame::default(), FoundLines::default());
         recording.read_frame(camera, *stamp, &mut frame)?;
         let times = finder.find(&frame, &info.camera, &mut lines);
-        find.detect += times.detect;
-        find.lift += times.lift;
+        find += times;
         frames.push(frame);
         found.push(lines);
     }
-    let mut pairs = Vec::new();
-    for target in 0..found.len() {
-        for source in target + 1..found.len() {
-            let sights = [target, source].map(|camera| Sight {
-                camera: &recording.cameras()[camera].camera,
-                lines: &found[camera].view.lines,
-            });
-            let start = Instant::now();
-            let (n_candidates, matches) = proposer.propose((target, source), &sights);
-            let took_ms = start.elapsed().as_secs_f64() * 1e3;
-            let truth = truth.map(|truth| {
-                SameEdges::new(&sights[0], &sights[1], &target_from_source(truth, (target, source)))
-            });
-            pairs.push(MatchedPair { target, source, n_candidates, matches, truth, took_ms });
-        }
-    }
-    Ok(MatchedSet { set, frames, found, pairs, find })
+    let cameras = recording.cameras().iter().zip(&found);
+    let sights: Vec<Sight<'_>> =
+        cameras.map(|(info, found)| Sight { camera: &info.camera, lines: &found.view.lines }).collect();
+    let start = Instant::now();
+    let proposals = proposer.propose(&sights, &found)?;
+    let took = start.elapsed();
+    let judged = |Proposal { target, source, n_candidates, matches }: Proposal| {
+        let truth = truth.map(|truth| {
+            let target_from_source = target_from_source(truth, (target, source));
+            SameEdges::new(&sights[target], &sights[source], &target_from_source)
+        });
+        MatchedPair { target, source, n_candidates, matches, truth }
+    };
+    let pairs = proposals.into_iter().map(judged).collect();
+    Ok(MatchedSet { set, frames, found, pairs, find, took })
 }
 
 /// Writes the picture of one frame set.

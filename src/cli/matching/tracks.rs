@@ -81,7 +81,7 @@ mod tests {
 
     fn pair(target: usize, source: usize, lines: &[(usize, usize)]) -> MatchedPair {
         let matches = lines.iter().map(|&(target, source)| Match { target, source, nats: None }).collect();
-        MatchedPair { target, source, n_candidates: lines.len(), matches, truth: None, took_ms: 0.0 }
+        MatchedPair { target, source, n_candidates: lines.len(), matches, truth: None }
     }
 
     #[test]

@@ -6,7 +6,9 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::text::table;
+use crate::capture::CameraInfo;
 use crate::capture::recording::Recording;
+use crate::geometry::LineObservation;
 use crate::pipeline::{LatencySummary, Snapshot};
 
 /// `pelical.bench/1`.
@@ -20,13 +22,13 @@ pub struct BenchDocument {
     pub images_px: Vec<[u32; 2]>,
     /// Cores of this machine that the program may use.
     pub cores: usize,
-    /// The line stage on one core, with nothing else running.
+    /// The stages on one core, with nothing else of this program running.
     pub one_core: OneCoreEntry,
     /// The live pipeline with all its threads.
     pub pipeline: PipelineEntry,
 }
 
-/// The line stage on one core.
+/// The stages on one core.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OneCoreEntry {
     /// How long it ran.
@@ -35,7 +37,7 @@ pub struct OneCoreEntry {
     pub images_per_s: f64,
     /// Lines found.
     pub lines: LineCounts,
-    /// Time of each stage per image; percentiles are exact.
+    /// Time of each stage per image, of `match` per frame set (0 ms where no appearance is asked); percentiles are exact.
     pub stages: Vec<StageEntry>,
 }
 
@@ -48,7 +50,8 @@ pub struct PipelineEntry {
     pub sets_per_s: f64,
     /// Lines found, as far as they were told in time.
     pub lines: LineCounts,
-    /// Time of each stage, waiting for a core included; percentiles to 1/16.
+    /// Time of each stage, waiting for a core included; percentiles to 1/16. `detect` has the gray conversion in it, `lift` the
+    /// descriptors, `associate` the scores.
     pub stages: Vec<StageEntry>,
     /// Frame sets by what became of them.
     pub sets: SetsEntry,
@@ -113,6 +116,11 @@ pub struct StageEntry {
 }
 
 impl LineCounts {
+    /// Counts one image by its lines.
+    pub fn count(&mut self, lines: &[LineObservation]) {
+        self.add(lines.len(), lines.iter().filter(|line| line.depth.is_some()).count());
+    }
+
     /// Counts one image.
     pub fn add(&mut self, lines: usize, lifted: usize) {
         self.images += 1;
@@ -193,7 +201,7 @@ impl PipelineEntry {
 impl BenchDocument {
     /// Both parts.
     pub fn new(recording: &Recording, one_core: OneCoreEntry, pipeline: PipelineEntry) -> Self {
-        let size = |info: &crate::capture::CameraInfo| [info.camera.width_px(), info.camera.height_px()];
+        let size = |info: &CameraInfo| [info.camera.width_px(), info.camera.height_px()];
         Self {
             schema: "pelical.bench/1",
             recording: recording.folder().display().to_string(),

@@ -1,6 +1,7 @@
 //! The document of `pelical match`, and its text.
 
 use std::fmt::Write as _;
+use std::time::Duration;
 
 use serde::Serialize;
 
@@ -10,6 +11,7 @@ use crate::cli::args::MatchArgs;
 use crate::cli::matching::score::{Match, Tally, most_shared};
 use crate::cli::matching::{MatchedPair, MatchedSet};
 use crate::geometry::{EdgeSide, LineObservation};
+use crate::pipeline::FindTimes;
 
 /// `pelical.match/1`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -71,8 +73,10 @@ pub struct TruthCounts {
 pub struct MatchTiming {
     /// Gray conversion and segments.
     pub detect: f64,
-    /// Lifting.
+    /// Lifting and surface samples.
     pub lift: f64,
+    /// Descriptors; 0 where nobody asked for them.
+    pub describe: f64,
     /// From lines to matches.
     #[serde(rename = "match")]
     pub matching: f64,
@@ -170,6 +174,7 @@ impl MatchDocument {
         let timing_ms = sets.iter().fold(MatchTiming::default(), |sum, set| MatchTiming {
             detect: sum.detect + set.timing_ms.detect,
             lift: sum.lift + set.timing_ms.lift,
+            describe: sum.describe + set.timing_ms.describe,
             matching: sum.matching + set.timing_ms.matching,
         });
         Self {
@@ -182,6 +187,18 @@ impl MatchDocument {
             counts,
             timing_ms,
             sets,
+        }
+    }
+}
+
+impl MatchTiming {
+    fn new(find: &FindTimes, took: Duration) -> Self {
+        let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
+        Self {
+            detect: ms(find.gray + find.detect),
+            lift: ms(find.lift),
+            describe: ms(find.describe),
+            matching: ms(took),
         }
     }
 }
@@ -245,11 +262,7 @@ impl SetEntry {
             precision: counts.precision(),
             recall: counts.recall(),
             counts,
-            timing_ms: MatchTiming {
-                detect: matched.find.detect.as_secs_f64() * 1e3,
-                lift: matched.find.lift.as_secs_f64() * 1e3,
-                matching: matched.pairs.iter().map(|pair| pair.took_ms).sum(),
-            },
+            timing_ms: MatchTiming::new(&matched.find, matched.took),
             views: all
                 .iter()
                 .enumerate()
@@ -348,14 +361,16 @@ pub fn text(document: &MatchDocument) -> String {
     }
     rows.push(row(["all".to_owned(), String::new()], &document.counts));
     let mut text = table(&header, &rows);
-    let MatchTiming { detect, lift, matching } = document.timing_ms;
+    let MatchTiming { detect, lift, describe, matching } = document.timing_ms;
     let per_image = 1.0 / document.counts.images.max(1) as f64;
     let _ = writeln!(
         text,
-        "\n{}; detect {:.2} ms and lift {:.2} ms an image, match {matching:.1} ms in all",
+        "\n{}; an image: detect {:.2} ms, lift {:.2} ms, describe {:.2} ms; a frame set: match {:.1} ms",
         document.association,
         detect * per_image,
-        lift * per_image
+        lift * per_image,
+        describe * per_image,
+        matching / document.sets.len().max(1) as f64
     );
     text
 }
