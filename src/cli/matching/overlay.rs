@@ -27,6 +27,8 @@ const HEAD_PX: u32 = 28;
 const FOOT_PX: u32 = 30;
 /// Images are enlarged by a whole number to about this width, so that numbers do not hide lines.
 const WIDTH_PX: u32 = 1280;
+/// Height of a number's plate.
+const PLATE_PX: i32 = 15;
 const PAPER: canvas::Rgb = [18, 18, 20];
 const INK: canvas::Rgb = [225, 225, 225];
 /// Segments that are in no match: with depth, and without.
@@ -132,7 +134,7 @@ impl Picture {
 
     fn matches(&mut self, matched: &MatchedSet) {
         let tracks = tracks(&matched.pairs);
-        let mut labels = Vec::new();
+        let (mut labels, mut taken) = (Vec::new(), Vec::new());
         for (number, track) in tracks.iter().enumerate() {
             let color = if track.standing == Standing::Missed { MISSED } else { color(number) };
             for &(camera, line) in &track.members {
@@ -146,7 +148,10 @@ impl Picture {
                 if track.standing == Standing::Wrong {
                     self.cross(middle);
                 }
-                labels.push((beside(&ends, middle), (number + 1).to_string(), color));
+                let number = (number + 1).to_string();
+                let at = free_place(&ends, plate_width(&number), &taken);
+                taken.push((at, plate_width(&number)));
+                labels.push((at, number, color));
             }
         }
         // Over all lines.
@@ -162,11 +167,13 @@ impl Picture {
 
     /// A number on a dark plate.
     fn label(&mut self, at: [i32; 2], number: &str, color: canvas::Rgb) {
-        let width = 9 * number.len() as u32 + 4;
-        let corner = Point::new(at[0] - width as i32 / 2, at[1] - 8);
+        let width = plate_width(number);
+        let corner = Point::new(at[0] - width / 2, at[1] - PLATE_PX / 2);
         let plate = PrimitiveStyle::with_fill(Rgb888::new(PAPER[0], PAPER[1], PAPER[2]));
         // Painting into memory cannot fail: its error has no value.
-        let Ok(()) = Rectangle::new(corner, Size::new(width, 16)).into_styled(plate).draw(&mut self.canvas);
+        let Ok(()) = Rectangle::new(corner, Size::new(width as u32, PLATE_PX as u32))
+            .into_styled(plate)
+            .draw(&mut self.canvas);
         self.text(at, number, (color, Alignment::Center));
     }
 
@@ -223,11 +230,28 @@ fn stroke(standing: Standing, color: canvas::Rgb) -> Stroke {
     Stroke { color, width_px: 3.0, dash_px }
 }
 
-/// A place for a number beside the middle of a segment.
-fn beside(ends: &[[f64; 2]; 2], middle: [f64; 2]) -> [i32; 2] {
+/// Width of the plate of a number, px.
+fn plate_width(number: &str) -> i32 {
+    9 * number.len() as i32 + 4
+}
+
+/// A place for a plate beside a segment that hides no other plate: near the middle if there is room, else further out.
+fn free_place(ends: &[[f64; 2]; 2], width: i32, taken: &[([i32; 2], i32)]) -> [i32; 2] {
     let [dx, dy] = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
     let length = dx.hypot(dy).max(1.0);
-    [(middle[0] - 15.0 * dy / length) as i32, (middle[1] + 15.0 * dx / length) as i32]
+    let beside = |share: f64, away_px: f64| {
+        let along =
+            |axis: usize, step: f64| (ends[0][axis] + share * (ends[1][axis] - ends[0][axis]) + step) as i32;
+        [along(0, -away_px * dy / length), along(1, away_px * dx / length)]
+    };
+    let is_free = |at: &[i32; 2]| {
+        taken.iter().all(|(other, other_width)| {
+            2 * (at[0] - other[0]).abs() > width + other_width || (at[1] - other[1]).abs() >= PLATE_PX
+        })
+    };
+    let shares = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95, -0.1, 1.1];
+    let places = [15.0, -15.0, 26.0, -26.0].map(|away_px| shares.map(|share| beside(share, away_px)));
+    places.as_flattened().iter().copied().find(is_free).unwrap_or_else(|| beside(0.5, 15.0))
 }
 
 /// Colours that follow each other differ: each turns by the golden angle.

@@ -100,6 +100,12 @@ impl SameEdges {
         Self { n_sources: sources.len(), table }
     }
 
+    /// By target, then by so many sources.
+    #[cfg(test)]
+    pub fn of_table(n_sources: usize, table: Vec<SameEdge>) -> Self {
+        Self { n_sources, table }
+    }
+
     /// How a target line and a source line belong together; not at all where there is no such line.
     pub fn of(&self, target: usize, source: usize) -> SameEdge {
         let is_line = source < self.n_sources;
@@ -276,3 +282,6 @@ fn whitened<const N: usize>(
     let solved = covariance.cholesky()?.solve(&residual);
     Some(Gap { sigmas: (residual.dot(&solved) / N as f64).sqrt(), vague_px })
 }
+
+#[cfg(test)]
+mod tests;

@@ -148,3 +148,6 @@ fn place(
     }
     false
 }
+
+#[cfg(test)]
+mod tests;
