@@ -173,7 +173,8 @@ impl LearnedMatcher {
         target: (&ImageFeatures, &[Segment]),
         source: (&ImageFeatures, &[Segment]),
     ) -> Result<Vec<ScoredMatch>, LearnedError> {
-        Ok(calibration::matches(&self.scores(target, source)?))
+        let scores = self.scores(target, source)?;
+        Ok(calibration::matches(&scores, &calibration::ASSIGNED))
     }
 
     fn scores(

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::estimator::{AssociationName, EstimatorName};
 use super::faults::FaultsSection;
+use super::matcher::MatcherSection;
 use super::serial::Serial;
 use super::synthetic::MoveEntry;
 use super::watch::WatchSection;
@@ -34,6 +35,8 @@ pub struct ConfigFile {
     pub lines: LinesSection,
     /// From lines to extrinsics.
     pub estimate: EstimateSection,
+    /// The learned matcher.
+    pub matcher: MatcherSection,
     /// After a result.
     pub watch: WatchSection,
 }
@@ -47,6 +50,7 @@ impl Default for ConfigFile {
             sync: SyncSection::default(),
             lines: LinesSection::default(),
             estimate: EstimateSection::default(),
+            matcher: MatcherSection::default(),
             watch: WatchSection::default(),
         }
     }

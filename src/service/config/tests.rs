@@ -73,6 +73,22 @@ fn values_out_of_range_say_line_key_and_range() {
 }
 
 #[test]
+fn the_learned_matcher_is_checked_but_its_files_are_not_looked_for() {
+    check_refused("matcher: {threads: 65}\n", &["c.yaml:1: matcher.threads: 65", "0 to 64"]);
+    check_refused("matcher:\n  runtime: ''\n", &["c.yaml:2: matcher.runtime", "null"]);
+    check_refused("matcher:\n  models: [a.onnx, '']\n", &["c.yaml:2: matcher.models[1]", "model file"]);
+    check_refused("matcher:\n  providers: []\n", &["c.yaml:2: matcher.providers", "cpu, cuda and tensorrt"]);
+    check_refused("matcher:\n  providers: [cuda, cuda]\n", &["matcher.providers[1]", "twice"]);
+    check_refused("matcher:\n  providers: [gpu]\n", &["matcher.providers", "`cpu`", "`cuda`", "`tensorrt`"]);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("c.yaml");
+    std::fs::write(&file, "matcher: {runtime: lib/ort.so, models: [a.onnx, /b.onnx]}\n").expect("written");
+    let (_, config) = load(&file).expect("valid, though none of these files is there");
+    assert_eq!(config.learned.runtime, Some(folder.path().join("lib/ort.so")));
+    assert_eq!(config.learned.models, [folder.path().join("a.onnx"), "/b.onnx".into()]);
+}
+
+#[test]
 fn moves_of_synthetic_cameras_are_checked() {
     let text = |entry: &str| format!("cameras:\n  synthetic:\n    moves:\n      - {entry}\n");
     let unknown = text("{serial: nobody, at_frame: 1}");
