@@ -257,7 +257,7 @@ fn free_place(ends: &[[f64; 2]; 2], width: i32, taken: &[([i32; 2], i32)]) -> [i
 /// Colours that follow each other differ: each turns by the golden angle.
 fn color(number: usize) -> canvas::Rgb {
     let hue = (number as f64 * 0.618_034 + 0.33).fract() * 6.0;
-    let shade = if number % 2 == 0 { 0.25 } else { 0.5 };
+    let shade = if number.is_multiple_of(2) { 0.25 } else { 0.5 };
     let channel = |offset: f64| {
         let place = (hue + offset) % 6.0;
         let strength = (place.min(4.0 - place)).clamp(0.0, 1.0);
