@@ -2,35 +2,29 @@
 //! rotation; the best poses are scored one-to-one over all frame sets and refined. What survives is ranked, so that the
 //! runner-up shows how sure the best pose is.
 
-use super::association::{Gate, Match, Scene, coarse_score};
+use super::association::{Gate, Match, Scene};
 use super::candidates::{Candidate, PairEvidence};
 use super::free_space::free_space;
 use super::missing::{MissingLines, missing_lines};
 use super::noise::{covariance, noise_scale};
 use super::pnl::{Matched, PnlMatch, Settled};
-use super::prior::prior;
+use super::prior::{Prior, prior};
 use super::refine::{Refined, Stop, TO_THE_MINIMUM, TOWARDS_THE_MINIMUM, refine};
 use super::result::{Reason, ReasonCode};
-use super::rotation_vote::rotation_modes;
-use super::translation_vote::{Blur, COARSE, FINE, TranslationGrid, translation_lines};
+use super::starts::{Search, starts};
 use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 
 /// Lines whose direction is worse than this do not vote for rotations, rad (3 degrees).
 pub const MAX_VOTING_SIGMA_RAD: f64 = 0.052;
-/// Rotations tried.
-const MAX_MODES: usize = 100;
-/// Translations tried per rotation, by the rotation's rank: where lines share a room's axes, the true rotation leads, and the
-/// true translation may hide among many peaks of parallel bundles.
-const PEAKS_BY_RANK: [(usize, usize, Blur); 3] = [(6, 800, FINE), (60, 60, COARSE), (MAX_MODES, 12, COARSE)];
-/// Poses refined.
-const MAX_REFINED: usize = 160;
-/// Of these, the poses that are settled.
+/// Of the starts, those that are settled.
 const MAX_SETTLED: usize = 60;
 /// How wide matches are looked for at first: standard deviations of the start, m and rad.
 const DRAWING_IN: [(f64, f64); 1] = [(0.03, 0.015)];
 /// ... and while a pose settles.
 const SETTLING: [(f64, f64); 3] = [(0.02, 0.01), (0.01, 0.005), (0.004, 0.002)];
+/// A pose that appearance is certain of must explain so many lines for the search to be narrowed to its rivals.
+const MIN_CERTAIN_MATCHES: usize = 12;
 /// Three lines fix a pose.
 const MIN_MATCHES: usize = 3;
 
@@ -193,7 +187,7 @@ pub fn rank_poses(pair: PairEvidence<'_>, limits: &RankLimits<'_>) -> Ranked {
     let mut candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
     let prior = prior(&pair);
     candidates.iter_mut().for_each(|candidate| candidate.nats *= prior.trust);
-    let settled = settled_poses(Scene { pair, candidates: &candidates }, (&prior.poses, limits));
+    let settled = settled_poses(Scene { pair, candidates: &candidates }, (&prior, limits));
     let (mut possible, mut impossible): (Vec<Hypothesis>, Vec<Hypothesis>) = (Vec::new(), Vec::new());
     for pose in settled.into_iter().take_while(|_| (limits.keep_going)()) {
         match confront(pose, &pair, limits) {
@@ -242,13 +236,20 @@ fn is_possible(target_from_source: &Motion, pair: &PairEvidence<'_>, limits: &Ra
         && !free_space(pair, limits.cameras, target_from_source).is_violated(limits.max_free_space_violated)
 }
 
-/// Every pose that settled on its matches, best score first.
-fn settled_poses(scene: Scene<'_>, (proposed, limits): (&[Motion], &RankLimits<'_>)) -> Vec<Hypothesis> {
-    let starts = coarse_poses(scene.candidates, limits);
-    let going = proposed.iter().chain(&starts).take_while(|_| (limits.keep_going)());
+/// Every pose that settled on its matches, best score first; where appearance is certain of one, only that and its rivals.
+fn settled_poses(scene: Scene<'_>, (prior, limits): (&Prior, &RankLimits<'_>)) -> Vec<Hypothesis> {
+    let certain = prior.poses.first().filter(|_| prior.is_certain()).and_then(|pose| settle(scene, pose));
+    let certain = certain.filter(|pose| {
+        pose.matches.len() >= MIN_CERTAIN_MATCHES
+            && is_possible(&pose.refined.target_from_source, &scene.pair, limits)
+    });
+    let known = certain.as_ref().map(|pose| &pose.refined.target_from_source);
+    let (max_baseline_m, keep_going) = (limits.max_baseline_m, limits.keep_going);
+    let voted = starts(scene.candidates, &Search { known, max_baseline_m, keep_going });
+    let going = prior.poses.iter().chain(&voted).take_while(|_| keep_going());
     let mut drawn_in: Vec<Approach<'_>> = going.filter_map(|pose| Approach::start(scene, pose)).collect();
     drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| (limits.keep_going)());
+    let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| keep_going());
     let mut settled: Vec<Hypothesis> = going.filter_map(Approach::settle).collect();
     settled.sort_by(|a, b| b.score.total_cmp(&a.score));
     settled
@@ -264,42 +265,10 @@ struct PoseGap {
 const SAME_ANSWER: PoseGap = PoseGap { rotation_rad: 0.0087, translation_m: 0.015 };
 /// Poses that share most matches, shifted by a few (4 degrees and 15 cm).
 const SAME_BASIN: PoseGap = PoseGap { rotation_rad: 0.07, translation_m: 0.15 };
-/// Starts this close settle on the same pose (1.1 degrees and 6 cm).
-const SAME_START: PoseGap = PoseGap { rotation_rad: 0.02, translation_m: 0.06 };
-
 impl PoseGap {
     fn is_exceeded(&self, a: &Motion, b: &Motion) -> bool {
         rotation_gap_rad(a, b) > self.rotation_rad || translation_gap_m(a, b) > self.translation_m
     }
-}
-
-/// Rotation modes, translation peaks of each, and the best of all by the coarse score.
-fn coarse_poses(candidates: &[Candidate], limits: &RankLimits<'_>) -> Vec<Motion> {
-    let modes = rotation_modes(candidates, MAX_MODES, limits.keep_going);
-    let mut poses: Vec<(Motion, f64)> = Vec::new();
-    let mut first = 0;
-    for (end, max_peaks, blur) in PEAKS_BY_RANK {
-        let mut grid = TranslationGrid::new(limits.max_baseline_m, blur.cell_m);
-        for mode in modes.iter().take(end).skip(first).take_while(|_| (limits.keep_going)()) {
-            let lines = translation_lines(candidates, &mode.target_from_source);
-            for translation_m in grid.peaks(candidates, &lines, max_peaks) {
-                let score = coarse_score(candidates, &lines, (&translation_m, &blur));
-                poses.push((Motion::from_parts(translation_m.into(), mode.target_from_source), score));
-            }
-        }
-        first = end;
-    }
-    poses.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut kept: Vec<Motion> = Vec::new();
-    for (pose, _) in poses {
-        if kept.iter().all(|other| SAME_START.is_exceeded(other, &pose)) {
-            kept.push(pose);
-            if kept.len() == MAX_REFINED {
-                break;
-            }
-        }
-    }
-    kept
 }
 
 /// Settles a single start: draws it in, then closes the gate; `None` when too little matches near it.

@@ -26,6 +26,7 @@ pub mod rig;
 pub mod rotation_vote;
 pub mod shared_lines;
 pub mod sides;
+pub mod starts;
 pub mod translation_vote;
 pub mod verdict;
 pub mod watch;

@@ -30,6 +30,14 @@ pub struct Prior {
     pub poses: Vec<Motion>,
     /// What scores are to be multiplied with, 0 to 1.
     pub trust: f64,
+    pub told: (usize, usize),
+}
+
+impl Prior {
+    /// Whether most of what looks alike is explained by the best pose.
+    pub fn is_certain(&self) -> bool {
+        self.trust >= 1.0
+    }
 }
 
 /// Draws poses from the strong matches of all frame sets.
@@ -38,14 +46,14 @@ pub fn prior(pair: &PairEvidence<'_>) -> Prior {
     let rough = rough_poses(&strong);
     let explained = rough.first().map_or(0, |(_, n_explained)| n_explained.saturating_sub(BY_CHANCE));
     if explained < MIN_EXPLAINED {
-        return Prior::default();
+        return Prior { told: (explained, strong.len()), ..Prior::default() };
     }
     let share = explained as f64 / strong.len() as f64;
     let trust = ((share - NO_TRUST_SHARE) / (FULL_TRUST_SHARE - NO_TRUST_SHARE)).clamp(0.0, 1.0);
     if trust == 0.0 {
-        return Prior::default();
+        return Prior { told: (explained, strong.len()), ..Prior::default() };
     }
-    Prior { poses: rough.into_iter().map(|(pose, _)| pose).collect(), trust }
+    Prior { poses: rough.into_iter().map(|(pose, _)| pose).collect(), trust, told: (explained, strong.len()) }
 }
 
 /// The strongest matches of each set, one-to-one.

@@ -54,6 +54,11 @@ pub fn rotation_modes(
     kept
 }
 
+/// What a rotation near this one has of support.
+pub fn support(candidates: &[Candidate], target_from_source: &UnitQuaternion<f64>) -> f64 {
+    refine(candidates, *target_from_source).support
+}
+
 /// Votes per cell.
 fn histogram(candidates: &[Candidate]) -> Vec<f32> {
     let mut cells = vec![0.0_f32; 4 * CELLS_PER_AXIS.pow(3)];
