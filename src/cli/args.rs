@@ -210,7 +210,7 @@ pub struct MatchArgs {
     /// Leave out shorter segments, px.
     #[arg(long, value_name = "PX", default_value = "0", value_parser = length_px)]
     pub min_length_px: f64,
-    /// Config file whose sections `lines` and `estimate` are used.
+    /// Config file whose sections `lines`, `estimate` and `matcher` are used.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Form of the answer.
@@ -257,7 +257,7 @@ pub struct BenchArgs {
     /// Who proposes matches, instead of what the config says.
     #[arg(long, value_enum)]
     pub association: Option<AssociationChoice>,
-    /// Config file whose sections `sync`, `lines` and `estimate` are used.
+    /// Config file whose sections `sync`, `lines`, `estimate` and `matcher` are used.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Form of the answer.
