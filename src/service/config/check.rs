@@ -11,7 +11,6 @@ use crate::capture::replay::{self, ReplayOptions};
 use crate::capture::scripted::FaultScript;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
-use crate::learned::LearnedOptions;
 use crate::pipeline::{MAX_CAMERAS, PipelineOptions};
 
 /// Everything the daemon needs to know, checked.
@@ -25,8 +24,6 @@ pub struct Config {
     pub cameras: CamerasConfig,
     /// Everything between frames and results.
     pub pipeline: PipelineOptions,
-    /// The learned matcher; without models there is none.
-    pub learned: LearnedOptions,
     /// What is done about a camera that was moved after a result.
     pub on_moved: OnMoved,
 }
@@ -72,7 +69,6 @@ impl TryFrom<&ConfigFile> for Config {
             log: file.log.clone(),
             cameras: CamerasConfig::try_from(&file.cameras)?,
             pipeline: super::convert::pipeline_options(file)?,
-            learned: super::matcher::learned_options(&file.matcher)?,
             on_moved: file.watch.on_moved,
         })
     }
@@ -84,7 +80,7 @@ impl Config {
         if let BackendConfig::Replay(recording, _) = &mut self.cameras.backend {
             *recording = folder.join(&recording);
         }
-        super::matcher::relative_to(&mut self.learned, folder);
+        super::matcher::relative_to(&mut self.pipeline.associate.learned, folder);
         self
     }
 }

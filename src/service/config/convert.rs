@@ -23,7 +23,10 @@ pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Ref
     Ok(PipelineOptions {
         detect: detect_options(&file.lines)?,
         lift: lift_options(&file.lines)?,
-        associate: AssociateOptions { association: file.estimate.association.into(), ..Default::default() },
+        associate: AssociateOptions {
+            association: file.estimate.association.into(),
+            learned: super::matcher::learned_options(&file.matcher)?,
+        },
         estimate: estimate_options(&file.estimate)?,
         motion: MotionOptions { max_speed_px_per_s: file.sync.max_speed_px_per_s },
         sync: sync_options(&file.sync)?,

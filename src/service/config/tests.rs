@@ -84,8 +84,8 @@ fn the_learned_matcher_is_checked_but_its_files_are_not_looked_for() {
     let file = folder.path().join("c.yaml");
     std::fs::write(&file, "matcher: {runtime: lib/ort.so, models: [a.onnx, /b.onnx]}\n").expect("written");
     let (_, config) = load(&file).expect("valid, though none of these files is there");
-    assert_eq!(config.learned.runtime, Some(folder.path().join("lib/ort.so")));
-    assert_eq!(config.learned.models, [folder.path().join("a.onnx"), "/b.onnx".into()]);
+    assert_eq!(config.pipeline.associate.learned.runtime, Some(folder.path().join("lib/ort.so")));
+    assert_eq!(config.pipeline.associate.learned.models, [folder.path().join("a.onnx"), "/b.onnx".into()]);
 }
 
 #[test]
