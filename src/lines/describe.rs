@@ -7,7 +7,7 @@ mod sample;
 
 use crate::geometry::LineObservation;
 use crate::image::RgbView;
-use sample::{LogLight, Sums};
+use sample::{LogLight, Row, Sums};
 
 /// Bands of one side, narrow ones next to the edge.
 pub const BANDS: usize = 6;
@@ -135,12 +135,13 @@ impl Describer {
     ) -> [Sums; BANDS] {
         let mut bands = [Sums::default(); BANDS];
         let reach_px = course.reach_px(0.5 * (from + to));
+        let on_edge = Row::between(course.pixel(from), course.pixel(to));
         let sign = if side == 0 { -1.0 } else { 1.0 };
         for row in 0..BANDS * ROWS_PER_BAND {
             let share = (row as f64 + 0.5) / (BANDS * ROWS_PER_BAND) as f64;
             let across_px = sign * (CLEARANCE_PX + (reach_px - CLEARANCE_PX) * share * share.sqrt());
-            let row_ends = [from, to].map(|at| course.pixel(at, across_px));
-            bands[row / ROWS_PER_BAND].add(&self.log_light.sums(image, row_ends));
+            let beside = on_edge.shifted(course.right.map(|part| (part * across_px) as f32));
+            bands[row / ROWS_PER_BAND].add(&self.log_light.sums(image, &beside));
         }
         bands
     }
@@ -208,9 +209,7 @@ impl Course {
         (self.focal_px * REACH_M * inverse_depth_per_m).clamp(REACH_PX[0], REACH_PX[1])
     }
 
-    fn pixel(&self, at: f64, across_px: f64) -> [f64; 2] {
-        std::array::from_fn(|i| {
-            self.start[i] + (self.end[i] - self.start[i]) * at + self.right[i] * across_px
-        })
+    fn pixel(&self, at: f64) -> [f64; 2] {
+        std::array::from_fn(|i| self.start[i] + (self.end[i] - self.start[i]) * at)
     }
 }

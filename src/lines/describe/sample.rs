@@ -60,16 +60,36 @@ impl Sums {
     }
 }
 
-impl LogLight {
-    /// Sums over a row between two pixel positions.
-    pub(super) fn sums(&self, image: &RgbView<'_>, [from, to]: [[f64; 2]; 2]) -> Sums {
+/// Positions at which the image is read, px.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    first: [f32; 2],
+    step: [f32; 2],
+    count: usize,
+}
+
+impl Row {
+    /// In the middles of equal parts of the way between two positions.
+    pub(super) fn between(from: [f64; 2], to: [f64; 2]) -> Self {
         let length_px = (to[0] - from[0]).hypot(to[1] - from[1]);
         let count = (length_px / STEP_PX).clamp(1.0, MAX_SAMPLES) as usize;
-        let step = [0, 1].map(|i| ((to[i] - from[i]) / count as f64) as f32);
+        let step = [0, 1].map(|i| (to[i] - from[i]) / count as f64);
+        let first = [0, 1].map(|i| (from[i] + 0.5 * step[i]) as f32);
+        Self { first, step: step.map(|part| part as f32), count }
+    }
+
+    pub(super) fn shifted(&self, by_px: [f32; 2]) -> Self {
+        Self { first: [0, 1].map(|i| self.first[i] + by_px[i]), ..*self }
+    }
+}
+
+impl LogLight {
+    /// Sums over the pixels nearest to a row's positions.
+    pub(super) fn sums(&self, image: &RgbView<'_>, row: &Row) -> Sums {
         // Half a pixel is for rounding to the nearest.
-        let [mut x, mut y] = [0, 1].map(|i| from[i] as f32 + 0.5 * step[i] + 0.5);
-        let mut sums = Sums { n_possible: count as f32, ..Sums::default() };
-        for _ in 0..count {
+        let [mut x, mut y] = row.first.map(|part| part + 0.5);
+        let mut sums = Sums { n_possible: row.count as f32, ..Sums::default() };
+        for _ in 0..row.count {
             if x >= 0.0
                 && y >= 0.0
                 && let Some(rgb) = image.pixel(x as usize, y as usize)
@@ -82,8 +102,8 @@ impl LogLight {
                 sums.red_green += red - green;
                 sums.blue_green += blue - green;
             }
-            x += step[0];
-            y += step[1];
+            x += row.step[0];
+            y += row.step[1];
         }
         sums
     }
