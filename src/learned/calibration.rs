@@ -25,6 +25,10 @@ pub(super) struct Calibration {
 pub(super) const ASSIGNED: Calibration =
     Calibration { min_score: 0.005, nats_at_one: 7.7, nats_per_log_score: 1.0, half_overlap: 2.0 };
 
+/// Likeness of descriptors aligned along two lines: fitted to XFeat.
+pub(super) const ALIGNED: Calibration =
+    Calibration { min_score: 0.65, nats_at_one: 7.2, nats_per_log_score: 15.0, half_overlap: 1.5 };
+
 /// Most nats one pair gets: appearance alone proves nothing.
 const MAX_NATS: f64 = 6.0;
 /// Evidence lost with the logarithm of the best score of either line over that of the pair.

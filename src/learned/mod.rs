@@ -24,6 +24,7 @@ use std::path::PathBuf;
 
 use crate::geometry::{ScoredMatch, Segment};
 use crate::image::GrayView;
+use calibration::Calibration;
 use contract::Contract;
 use dense::DescriptorMap;
 pub use error::LearnedError;
@@ -174,7 +175,7 @@ impl LearnedMatcher {
         source: (&ImageFeatures, &[Segment]),
     ) -> Result<Vec<ScoredMatch>, LearnedError> {
         let scores = self.scores(target, source)?;
-        Ok(calibration::matches(&scores, &calibration::ASSIGNED))
+        Ok(calibration::matches(&scores, self.method.calibration()))
     }
 
     fn scores(
@@ -192,6 +193,13 @@ impl LearnedMatcher {
 }
 
 impl Method {
+    fn calibration(&self) -> &'static Calibration {
+        match self {
+            Method::Sequence(_) => &calibration::ALIGNED,
+            Method::WholePair(_) | Method::Glue { .. } | Method::Wireframe { .. } => &calibration::ASSIGNED,
+        }
+    }
+
     fn of(mut models: Vec<Model>) -> Result<Self, LearnedError> {
         models.sort_by_key(|model| model.contract as u8);
         let contracts: Vec<Contract> = models.iter().map(|model| model.contract).collect();

@@ -4,7 +4,7 @@
 
 use std::error::Error as _;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ort::environment::Environment;
 use ort::ep;
@@ -32,10 +32,12 @@ pub(super) fn environment(runtime: Option<&Path>) -> Result<Environment, Learned
     }
     let failed = |what: String| LearnedError::Runtime { path: path.clone(), what };
     let builder = ort::init_from(&path).map_err(|error| failed(load_reason(&error)))?;
-    let environment = builder.with_name("pelical").with_telemetry(false).build();
-    let environment = environment.map_err(|error| failed(error.to_string()))?;
-    // Its own notes of every optimisation are nobody's concern.
-    environment.set_log_level(LogLevel::Error);
+    // What matters of its own notes comes back as an error, which says what to do as well.
+    let logger =
+        |_: LogLevel, _: &str, _: &str, _: &str, message: &str| tracing::debug!("{}", plain(message));
+    let builder = builder.with_name("pelical").with_telemetry(false).with_logger(Arc::new(logger));
+    let environment = builder.build().map_err(|error| failed(error.to_string()))?;
+    environment.set_log_level(LogLevel::Warning);
     *loaded = Some((path, environment.clone()));
     Ok(environment)
 }
@@ -86,7 +88,7 @@ pub(super) fn open(
 
 fn builder(environment: &Environment, options: &LearnedOptions) -> ort::Result<SessionBuilder> {
     let builder = Session::builder(environment)?
-        .with_log_level(LogLevel::Error)?
+        .with_log_level(LogLevel::Warning)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .with_intra_threads(options.threads)?
         // Threads that wait by spinning would take the cores of the frame path.
