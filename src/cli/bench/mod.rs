@@ -27,7 +27,7 @@ use lockstep::{Gate, Lockstep};
 /// Frame sets kept in memory, the first ones; 1.5 MB for each image of 640 x 480.
 const MAX_SETS: usize = 40;
 /// Longest wait for an event before the next set is released whatever became of the last one.
-const PATIENCE: Duration = Duration::from_millis(500);
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Measures and prints.
 ///
@@ -128,10 +128,9 @@ fn live(
     let failed = |what: &dyn std::fmt::Display| CliError::Failed(what.to_string());
     let (sender, events) = crossbeam_channel::bounded(256);
     let pipeline = Pipeline::start(cameras, options, sender).map_err(|error| failed(&error))?;
-    let mut lines = LineCounts::default();
+    let (mut lines, mut n_lost) = (LineCounts::default(), 0);
     let start = Instant::now();
     while start.elapsed() < duration && !interrupt.is_set() {
-        let mut n_lost = 0;
         match events.recv_timeout(PATIENCE) {
             Ok(PipelineEvent::Progress(progress)) => {
                 for camera in progress.cameras.iter().filter(|camera| camera.is_present) {
@@ -144,7 +143,7 @@ fn live(
                 return Err(failed(&format!("thread {thread} ended by a bug")));
             }
             Ok(_) => {}
-            Err(_) => n_lost = 1,
+            Err(_) => n_lost += 1,
         }
         let counts = pipeline.snapshot().counts;
         gate.release_after(counts.sets_done + counts.dropped_sets + counts.refused_skew + n_lost);

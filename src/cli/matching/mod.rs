@@ -104,7 +104,7 @@ pub fn run(args: &MatchArgs) -> Result<(), CliError> {
     if args.output.json {
         output::print_json(&document)
     } else {
-        output::print_text(&output::matching::text(&document))
+        output::print_text(&output::matching_text::text(&document))
     }
 }
 
@@ -166,7 +166,7 @@ fn draw(
     (recording, matched): (&Recording, &MatchedSet),
     document: &MatchDocument,
 ) -> Result<(), CliError> {
-    let title = output::matching::title(document, matched.set);
+    let title = output::matching_text::title(document, matched.set);
     let png = overlay::png(recording.cameras(), matched, &title);
     let png = png.map_err(|error| CliError::Failed(format!("{}: {error}", file.display())))?;
     std::fs::write(file, png).map_err(CliError::system(format!("cannot write {}", file.display())))?;

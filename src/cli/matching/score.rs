@@ -3,6 +3,8 @@
 //! Matches are one-to-one, so what could have been found is counted one-to-one as well: an edge that one camera sees whole and the
 //! other in two fragments can be matched once.
 
+use serde::Serialize;
+
 use super::same_edge::{SameEdge, SameEdges};
 use crate::geometry::ScoredMatch;
 
@@ -59,7 +61,7 @@ pub fn explained(same: &SameEdges) -> Vec<Match> {
 }
 
 /// What there was to find and what was found; sums over frame sets and pairs of cameras.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Tally {
     /// Most pairs of lines, one-to-one, of which both cameras see a part of one edge.
     pub shared: usize,

@@ -1,11 +1,9 @@
-//! The document of `pelical match`, and its text.
+//! The document of `pelical match`.
 
-use std::fmt::Write as _;
 use std::time::Duration;
 
 use serde::Serialize;
 
-use super::text::table;
 use crate::capture::recording::Recording;
 use crate::cli::args::MatchArgs;
 use crate::cli::matching::score::{Match, Tally, most_shared};
@@ -50,22 +48,7 @@ pub struct Counts {
     /// Matches.
     pub matches: usize,
     /// What the truth says of them; null without.
-    pub truth: Option<TruthCounts>,
-}
-
-/// What the truth says of the matches.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct TruthCounts {
-    /// Most edges, one-to-one, of which both cameras see a common part.
-    pub shared: usize,
-    /// Of these, matched.
-    pub shared_found: usize,
-    /// Matches of one edge, shared or continued.
-    pub right: usize,
-    /// Matches of two edges.
-    pub wrong: usize,
-    /// Matches with too little depth to be judged.
-    pub unjudged: usize,
+    pub truth: Option<Tally>,
 }
 
 /// Time, ms in total.
@@ -212,30 +195,18 @@ impl Counts {
             lifted: self.lifted + other.lifted,
             candidates: self.candidates + other.candidates,
             matches: self.matches + other.matches,
-            truth: truths.map(Tally::from).reduce(Tally::plus).map(TruthCounts::from),
+            truth: truths.reduce(Tally::plus),
         }
     }
 
-    fn precision(&self) -> Option<f64> {
-        self.truth.and_then(|truth| Tally::from(truth).precision())
+    /// See [`MatchDocument::precision`].
+    pub fn precision(&self) -> Option<f64> {
+        self.truth.and_then(|truth| truth.precision())
     }
 
-    fn recall(&self) -> Option<f64> {
-        self.truth.and_then(|truth| Tally::from(truth).recall())
-    }
-}
-
-impl From<Tally> for TruthCounts {
-    fn from(tally: Tally) -> Self {
-        let Tally { shared, shared_found, right, wrong, unjudged } = tally;
-        Self { shared, shared_found, right, wrong, unjudged }
-    }
-}
-
-impl From<TruthCounts> for Tally {
-    fn from(counts: TruthCounts) -> Self {
-        let TruthCounts { shared, shared_found, right, wrong, unjudged } = counts;
-        Self { shared, shared_found, right, wrong, unjudged }
+    /// See [`MatchDocument::recall`].
+    pub fn recall(&self) -> Option<f64> {
+        self.truth.and_then(|truth| truth.recall())
     }
 }
 
@@ -287,12 +258,8 @@ fn lines_of(views: &[&[LineObservation]]) -> Counts {
 }
 
 fn pair_entry(pair: &MatchedPair, [target, source]: [String; 2], lines: Counts) -> PairEntry {
-    let counts = Counts {
-        candidates: pair.n_candidates,
-        matches: pair.matches.len(),
-        truth: pair.tally().map(TruthCounts::from),
-        ..lines
-    };
+    let counts =
+        Counts { candidates: pair.n_candidates, matches: pair.matches.len(), truth: pair.tally(), ..lines };
     let entry = |found: &Match| MatchEntry {
         target: found.target,
         source: found.source,
@@ -335,73 +302,4 @@ fn line_entry(line: &LineObservation) -> Option<LineEntry> {
         EdgeSide::Both => "both",
     };
     Some(LineEntry { ends_m: [end_m(0), end_m(1)], sigma_z_m: [sigma_z_m(0), sigma_z_m(1)], side })
-}
-
-/// The document as text, ending with a line break.
-pub fn text(document: &MatchDocument) -> String {
-    let header = [
-        "set",
-        "pair",
-        "segments",
-        "lifted",
-        "shared",
-        "matches",
-        "right",
-        "wrong",
-        "unjudged",
-        "precision",
-        "recall",
-    ];
-    let mut rows = Vec::new();
-    for set in &document.sets {
-        for pair in &set.pairs {
-            let name = format!("{} <- {}", pair.target, pair.source);
-            rows.push(row([set.set.to_string(), name], &pair.counts));
-        }
-    }
-    rows.push(row(["all".to_owned(), String::new()], &document.counts));
-    let mut text = table(&header, &rows);
-    let MatchTiming { detect, lift, describe, matching } = document.timing_ms;
-    let per_image = 1.0 / document.counts.images.max(1) as f64;
-    let _ = writeln!(
-        text,
-        "\n{}; an image: detect {:.2} ms, lift {:.2} ms, describe {:.2} ms; a frame set: match {:.1} ms",
-        document.association,
-        detect * per_image,
-        lift * per_image,
-        describe * per_image,
-        matching / document.sets.len().max(1) as f64
-    );
-    text
-}
-
-/// One line about a frame set, for its picture.
-pub fn title(document: &MatchDocument, set: usize) -> String {
-    let mut title = format!("{}, frame set {set}, {}", document.recording, document.association);
-    let Some(entry) = document.sets.iter().find(|entry| entry.set == set) else { return title };
-    let _ = write!(title, ": {} matches", entry.counts.matches);
-    if let Some(TruthCounts { shared, shared_found, right, wrong, unjudged }) = entry.counts.truth {
-        let _ = write!(title, ", {right} right, {wrong} wrong, {unjudged} not to be judged");
-        let _ = write!(title, "; {shared_found} of {shared} shared edges found");
-    }
-    title
-}
-
-fn row(names: [String; 2], counts: &Counts) -> Vec<String> {
-    let of_truth = |count: fn(TruthCounts) -> usize| {
-        counts.truth.map_or_else(|| "-".to_owned(), |truth| count(truth).to_string())
-    };
-    let share = |share: Option<f64>| share.map_or_else(|| "-".to_owned(), |share| format!("{share:.2}"));
-    let cells = [
-        counts.segments.to_string(),
-        counts.lifted.to_string(),
-        of_truth(|truth| truth.shared),
-        counts.matches.to_string(),
-        of_truth(|truth| truth.right),
-        of_truth(|truth| truth.wrong),
-        of_truth(|truth| truth.unjudged),
-        share(counts.precision()),
-        share(counts.recall()),
-    ];
-    [names.to_vec(), cells.to_vec()].concat()
 }

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod document;
 pub mod matching;
+pub mod matching_text;
 pub mod moved;
 pub mod solve;
 pub mod status;
