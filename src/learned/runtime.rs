@@ -10,7 +10,7 @@ use ort::environment::Environment;
 use ort::ep;
 use ort::logging::LogLevel;
 use ort::session::Session;
-use ort::session::builder::{BuilderResult, GraphOptimizationLevel, SessionBuilder};
+use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 
 use super::{LearnedError, LearnedOptions, Provider};
 
@@ -22,7 +22,8 @@ static LOADED: Mutex<Option<(PathBuf, Environment)>> = Mutex::new(None);
 
 /// The environment of the library at `runtime`, else at `ORT_DYLIB_PATH`, else of the system's default name.
 pub(super) fn environment(runtime: Option<&Path>) -> Result<Environment, LearnedError> {
-    let path = runtime.map_or_else(default_path, Path::to_path_buf);
+    // A bare name from the config is a file, not a name for the system's search.
+    let path = runtime.map_or_else(default_path, |path| std::path::absolute(path).unwrap_or(path.to_owned()));
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some((loaded, environment)) = loaded.as_ref() {
         if *loaded == path {
@@ -102,8 +103,14 @@ fn with_providers(
     options: &LearnedOptions,
 ) -> (SessionBuilder, Vec<&'static str>) {
     let mut devices = Vec::new();
-    for &provider in options.providers.iter().take_while(|&&provider| provider != Provider::Cpu) {
-        builder = match register(builder, provider) {
+    for &provider in &options.providers {
+        let wanted = match provider {
+            // What comes after it is never asked.
+            Provider::Cpu => break,
+            Provider::Cuda => ep::CUDA::default().build(),
+            Provider::TensorRt => ep::TensorRT::default().build(),
+        };
+        builder = match builder.with_execution_providers([wanted.error_on_failure()]) {
             Ok(builder) => {
                 devices.push(provider.name());
                 builder
@@ -120,15 +127,6 @@ fn with_providers(
         };
     }
     (builder, devices)
-}
-
-fn register(builder: SessionBuilder, provider: Provider) -> BuilderResult {
-    let provider = match provider {
-        Provider::Cpu => return Ok(builder),
-        Provider::Cuda => ep::CUDA::default().build(),
-        Provider::TensorRt => ep::TensorRT::default().build(),
-    };
-    builder.with_execution_providers([provider.error_on_failure()])
 }
 
 /// A message of the runtime as one line.

@@ -26,7 +26,7 @@ pub(super) struct Samples {
 /// How many points a segment of this length has at this distance, both ends among them.
 fn n_points(length_px: f64, step_px: f64) -> usize {
     // A length that is no number becomes 0.
-    ((length_px / step_px) as usize + 1).clamp(2, MAX_PER_LINE)
+    ((length_px / step_px) as usize).clamp(1, MAX_PER_LINE - 1) + 1
 }
 
 /// The distance at which there is room for all lengths, at most [`MAX_STEP_PX`].

@@ -4,7 +4,7 @@
 use super::model::Model;
 use super::samples::Samples;
 use super::scores::Scores;
-use super::{ImageFeatures, LearnedError};
+use super::{FOREIGN, ImageFeatures, LearnedError};
 use crate::geometry::Segment;
 
 /// Likeness of two points below which it costs more to align them than to skip one.
@@ -21,6 +21,9 @@ pub(super) fn score(
 ) -> Result<Scores, LearnedError> {
     let (in_target, in_source) = (Samples::along(target.1), Samples::along(source.1));
     let (map, source_map) = (target.0.map(dense)?, source.0.map(dense)?);
+    if map.len != source_map.len {
+        return Err(dense.failure(FOREIGN.to_owned()));
+    }
     let (of_target, of_source) = (in_target.descriptors(map), in_source.descriptors(source_map));
     let mut likeness = Vec::new();
     let score = |row: usize, col: usize| {

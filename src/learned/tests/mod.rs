@@ -135,12 +135,23 @@ fn the_same_image_gives_the_same_bits_and_serves_any_number_of_pairs() {
     let Some(options) = tiny_options(&["dense.onnx", "glue.onnx"]) else { return };
     let mut matcher = LearnedMatcher::load(&options).expect("the models fit");
     let [target, source] = golden().segments;
-    let [first, second] = [0, 1].map(|which| image(which));
+    let [first, second] = [0, 1].map(image);
     let features =
         [&first, &second].map(|pixels| matcher.image_features(&view(pixels)).expect("the model runs"));
     let mut score =
         || matcher.score_lines((&features[0], &target), (&features[1], &source)).expect("the models run");
     assert_eq!(score(), score());
+}
+
+#[test]
+fn segments_outside_the_image_or_without_numbers_are_no_error() {
+    for models in [&["dense.onnx"][..], &["dense.onnx", "glue.onnx"], &["dense.onnx", "wireframe.onnx"]] {
+        let Some(options) = tiny_options(models) else { return };
+        let mut segments = golden().segments;
+        segments[0].push(segment([-50.0, 1e6, 400.0, -1e9]));
+        segments[1].push(segment([f64::NAN, 3.0, 20.0, f64::INFINITY]));
+        scores(&options, &segments).expect("scored or not, but no error");
+    }
 }
 
 #[test]

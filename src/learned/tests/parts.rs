@@ -18,6 +18,14 @@ fn points_are_12_px_apart_with_both_ends_and_at_most_40() {
 }
 
 #[test]
+fn segments_that_are_no_numbers_do_no_harm() {
+    for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let samples = Samples::along(&[segment([x, 0.0, 30.0, 0.0]), segment([0.0, 0.0, 30.0, 0.0])]);
+        assert!(samples.points.len() <= 42 && samples.of_line.len() == samples.lines.len());
+    }
+}
+
+#[test]
 fn many_lines_have_points_further_apart_and_then_the_shortest_none() {
     let samples = Samples::along(&long(100, 120.0));
     assert_eq!(samples.lines.len(), 100);
