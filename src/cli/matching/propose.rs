@@ -74,7 +74,7 @@ impl Proposer {
             for source in target + 1..sights.len() {
                 let (n_candidates, matches) = match self {
                     Proposer::Geometric(pairs) => by_pose(pairs, (target, source), sights),
-                    Proposer::Scored(..) => by_score(&scores, (target, source)),
+                    Proposer::Scored(..) => by_score(&scores, (target, source), sights),
                 };
                 proposals.push(Proposal { target, source, n_candidates, matches });
             }
@@ -123,7 +123,13 @@ fn by_pose(
     (matches.len(), matches)
 }
 
-fn by_score(scores: &[PairScores], (target, source): (usize, usize)) -> (usize, Vec<Match>) {
+fn by_score(
+    scores: &[PairScores],
+    (target, source): (usize, usize),
+    sights: &[Sight<'_>],
+) -> (usize, Vec<Match>) {
     let of_pair = scores.iter().find(|scores| (scores.target, scores.source) == (target, source));
-    of_pair.map_or((0, Vec::new()), |scores| (scores.matches.len(), mutual_best(&scores.matches)))
+    let candidates = of_pair.map_or(&[][..], |scores| &scores.matches);
+    let n_lines = [target, source].map(|camera| sights[camera].lines.len());
+    (candidates.len(), mutual_best(candidates, n_lines))
 }

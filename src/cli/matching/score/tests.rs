@@ -24,15 +24,26 @@ fn a_match_is_the_best_of_both_its_lines_and_likelier_than_not() {
         scored(3, 3, 0.0),
         scored(4, 5, 0.1),
     ];
-    let found = mutual_best(&candidates);
+    let found = mutual_best(&candidates, [1, 1]);
     assert_eq!(lines(&found), [(1, 1), (4, 5)]);
     assert_eq!(found[0].nats, Some(4.0));
 }
 
 #[test]
+fn the_more_lines_there_are_the_more_a_score_must_say() {
+    let candidates = [scored(0, 0, 3.0), scored(1, 1, 4.0), scored(2, 2, 5.0)];
+    for (n_lines, n_matches) in
+        [([20, 3], 3), ([21, 3], 2), ([3, 54], 2), ([3, 55], 1), ([149, 10], 0), ([0, 0], 3)]
+    {
+        assert_eq!(mutual_best(&candidates, n_lines).len(), n_matches, "{n_lines:?}");
+    }
+}
+
+#[test]
 fn of_equal_scores_the_first_is_matched_and_no_line_twice() {
-    assert_eq!(lines(&mutual_best(&[scored(0, 0, 1.0), scored(0, 1, 1.0), scored(1, 0, 1.0)])), [(0, 0)]);
-    assert_eq!(mutual_best(&[]), []);
+    let equal = [scored(0, 0, 1.0), scored(0, 1, 1.0), scored(1, 0, 1.0)];
+    assert_eq!(lines(&mutual_best(&equal, [2, 2])), [(0, 0)]);
+    assert_eq!(mutual_best(&[], [5, 5]), []);
 }
 
 #[test]
