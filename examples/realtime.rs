@@ -137,9 +137,9 @@ fn resident_mb() -> Option<f64> {
 fn print_latencies(snapshot: &Snapshot) {
     let latencies = &snapshot.latencies;
     let print = |name: &str, of: &LatencySummary| {
-        let LatencySummary { count, mean_ms, p50_ms, p99_ms, max_ms } = of;
+        let LatencySummary { count, mean_ms, p50_ms, p95_ms, p99_ms, max_ms } = of;
         println!(
-            "{name:28} n {count:6}  mean {mean_ms:7.2}  p50 {p50_ms:7.2}  p99 {p99_ms:7.2}  max {max_ms:7.2} ms"
+            "{name:28} n {count:6}  mean {mean_ms:7.2}  p50 {p50_ms:7.2}  p95 {p95_ms:7.2}  p99 {p99_ms:7.2}  max {max_ms:7.2} ms"
         );
     };
     print("detection per image", &latencies.detect);

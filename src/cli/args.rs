@@ -42,6 +42,10 @@ pub enum Command {
     Evaluate(EvaluateArgs),
     /// Solve sets of matched line pairs with the estimators alone, and print poses, errors and times.
     Solve(SolveArgs),
+    /// Show the lines of a recording's frame sets and which of them are matched; with ground truth, how well.
+    Match(MatchArgs),
+    /// Measure the time of every stage with the frames of a recording, on one core and in the live pipeline, and what is dropped.
+    Bench(BenchArgs),
     /// Print what the daemon is doing.
     Status(Output),
     /// Print every result and the progress of the daemon until stopped.
@@ -220,6 +224,103 @@ pub struct ExperimentArgs {
     pub folder: Option<PathBuf>,
 }
 
+/// `match`.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+A match is a target line and a source line that are each other's best candidate and likelier one edge than two: with a score above ln n \
+nats, where n is the larger number of lines of the two images.
+
+With ground truth each match is judged by geometry: the lifted line, moved by the true pose, lies on the other segment within 3 px and \
+3 degrees, at its depth within 3 sigma, along 30 % of the shorter of both (a shared edge), or the two lifted lines continue each other.
+precision = right / (right + wrong), without matches that have too little depth to be judged;
+recall = shared edges matched / shared edges, both counted one-to-one.")]
+pub struct MatchArgs {
+    /// Folder with recording.yaml.
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// Only this frame set, from 0; without it all of them.
+    #[arg(long, value_name = "N")]
+    pub set: Option<usize>,
+    /// Draw one frame set as PNG: that of --set, else the one with most matches.
+    #[arg(short = 'o', long = "output", value_name = "OVERLAY.png")]
+    pub overlay: Option<PathBuf>,
+    /// Who proposes matches, instead of what the config says.
+    #[arg(long, value_enum)]
+    pub association: Option<AssociationChoice>,
+    /// Leave out shorter segments, px.
+    #[arg(long, value_name = "PX", default_value = "0", value_parser = length_px)]
+    pub min_length_px: f64,
+    /// Config file whose sections `lines`, `estimate` and `matcher` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// What `--association` asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum AssociationChoice {
+    /// Descriptors, and the learned matcher where the config names its models.
+    Auto,
+    /// No appearance: the lines that the estimator's pose explains, where it converges on the whole recording.
+    Geometric,
+    /// Descriptors.
+    Descriptor,
+    /// The learned matcher.
+    Onnx,
+}
+
+impl From<AssociationChoice> for Association {
+    fn from(choice: AssociationChoice) -> Self {
+        match choice {
+            AssociationChoice::Auto => Association::Auto,
+            AssociationChoice::Geometric => Association::Geometric,
+            AssociationChoice::Descriptor => Association::Descriptor,
+            AssociationChoice::Onnx => Association::Onnx,
+        }
+    }
+}
+
+/// `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Folder with recording.yaml; its first 40 frame sets are played from memory, round and round.
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// How long each of the two parts runs, s.
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = duration_s)]
+    pub seconds: std::time::Duration,
+    /// Frame sets per second for the pipeline; without it as many as it can take.
+    #[arg(long, value_name = "HZ", value_parser = rate_hz)]
+    pub rate_hz: Option<f64>,
+    /// Who proposes matches, instead of what the config says.
+    #[arg(long, value_enum)]
+    pub association: Option<AssociationChoice>,
+    /// Config file whose sections `sync`, `lines`, `estimate` and `matcher` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+fn rate_hz(text: &str) -> Result<f64, String> {
+    let rate: f64 = text.parse().map_err(|_| format!("{text:?} is not a number of frame sets per second"))?;
+    if (0.1..=1000.0).contains(&rate) {
+        return Ok(rate);
+    }
+    Err(format!("{text} Hz is out of range: allowed is 0.1 to 1000"))
+}
+
+fn length_px(text: &str) -> Result<f64, String> {
+    let length: f64 = text.parse().map_err(|_| format!("{text:?} is not a number of px"))?;
+    if (0.0..=16_384.0).contains(&length) {
+        return Ok(length);
+    }
+    Err(format!("{text} px is out of range: allowed is 0 to 16384"))
+}
+
 /// `recalibrate`.
 #[derive(Debug, Args)]
 pub struct RecalibrateArgs {
@@ -298,6 +399,11 @@ mod tests {
             vec!["pelical", "evaluate", "--paper", "--seeds", "0"],
             vec!["pelical", "evaluate", "--paper", "--angles", "20,x"],
             vec!["pelical", "record", "x", "--config", "c", "--sets", "0"],
+            vec!["pelical", "match", "x", "--set", "-1"],
+            vec!["pelical", "match", "x", "--min-length-px", "nan"],
+            vec!["pelical", "match", "x", "--association", "guess"],
+            vec!["pelical", "bench", "x", "--seconds", "0"],
+            vec!["pelical", "bench", "x", "--rate-hz", "inf"],
             vec!["pelical", "record", "x", "--config", "c", "--duration", "nan"],
         ] {
             assert!(ClientArgs::try_parse_from(&line).is_err(), "{line:?}");

@@ -2,13 +2,16 @@
 
 pub mod args;
 mod associations;
+mod bench;
 mod calibrate;
+mod canvas;
 mod demo;
 mod devices;
 mod error;
 mod evaluate;
 pub mod exit;
 mod interrupt;
+mod matching;
 mod online;
 mod output;
 mod pairs_file;
@@ -41,6 +44,8 @@ fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError
         Command::Calibrate(args) => calibrate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Solve(args) => solve::run(args),
+        Command::Match(args) => matching::run(args).map(|()| Exit::Done),
+        Command::Bench(args) => bench::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
         Command::Status(output) => online::status(instance, *output),

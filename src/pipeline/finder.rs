@@ -1,5 +1,6 @@
 //! From a frame to its lines: gray, detect, lift, surface, and what a source of matches wants to know of them. One finder per thread, with its own scratch memory.
 
+use std::ops::AddAssign;
 use std::time::{Duration, Instant};
 
 use crate::capture::RgbdFrame;
@@ -20,10 +21,23 @@ pub trait LineFinder: Send {
 /// How long the parts of finding took.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FindTimes {
-    /// Gray conversion and segment detection.
+    /// Gray conversion.
+    pub gray: Duration,
+    /// Segment detection.
     pub detect: Duration,
-    /// Lifting, surface samples and descriptors.
+    /// Lifting and surface samples.
     pub lift: Duration,
+    /// Descriptors.
+    pub describe: Duration,
+}
+
+impl AddAssign for FindTimes {
+    fn add_assign(&mut self, other: Self) {
+        self.gray += other.gray;
+        self.detect += other.detect;
+        self.lift += other.lift;
+        self.describe += other.describe;
+    }
 }
 
 /// The finder of this library: [`Detector`], then [`Lifter`].
@@ -67,6 +81,7 @@ impl LineFinder for SegmentLineFinder {
         else {
             return FindTimes::default();
         };
+        let grayed = Instant::now();
         {
             let _span = tracing::trace_span!("detect").entered();
             found.thumbnail = Thumbnail::of(&gray);
@@ -76,6 +91,7 @@ impl LineFinder for SegmentLineFinder {
         let _span = tracing::trace_span!("lift").entered();
         self.lifter.lift(&self.segments, &depth, camera, &mut found.view.lines);
         sample_surface(&depth, camera, &mut found.view.surface);
+        let lifted = Instant::now();
         let colour = RgbView::try_new(&frame.rgb, size, 3 * frame.width);
         if let (Some(describer), Some(colour)) = (&mut self.describer, colour) {
             describer.describe(&colour, &found.view.lines, &mut found.looks);
@@ -85,6 +101,11 @@ impl LineFinder for SegmentLineFinder {
             std::mem::swap(&mut self.gray, &mut found.gray.0);
             found.gray.1 = size;
         }
-        FindTimes { detect: detected - start, lift: detected.elapsed() }
+        FindTimes {
+            gray: grayed - start,
+            detect: detected - grayed,
+            lift: lifted - detected,
+            describe: lifted.elapsed(),
+        }
     }
 }

@@ -31,8 +31,8 @@ impl Stage for LineStage {
         let _span = tracing::trace_span!("lines", camera = job.camera).entered();
         if let Some(intrinsics) = &job.intrinsics {
             let times = self.finder.find(&job.frame, intrinsics, &mut lines.found);
-            self.shared.latencies.detect.record(times.detect);
-            self.shared.latencies.lift.record(times.lift);
+            self.shared.latencies.detect.record(times.gray + times.detect);
+            self.shared.latencies.lift.record(times.lift + times.describe);
         }
         (lines.camera, lines.intrinsics) = (job.camera, job.intrinsics);
         (lines.stamp, lines.set) = (job.frame.stamp, job.set);

@@ -125,8 +125,8 @@ pub fn run_offline(
     let solving = Instant::now();
     let calibration = run.solve();
     let timing_ms = TimingMs {
-        detect: ms(run.times.detect),
-        lift: ms(run.times.lift),
+        detect: ms(run.times.gray + run.times.detect),
+        lift: ms(run.times.lift + run.times.describe),
         associate: ms(run.associate),
         estimate: ms(solving.elapsed()),
         total: ms(start.elapsed()),
@@ -189,8 +189,7 @@ impl CameraRun {
     fn find(&mut self, frame: &RgbdFrame) {
         if frame.is_of(&self.camera) {
             let times = self.finder.find(frame, &self.camera, &mut self.found);
-            self.times.detect += times.detect;
-            self.times.lift += times.lift;
+            self.times += times;
             self.n_lines += self.found.view.lines.len() as u64;
         }
     }
@@ -305,8 +304,7 @@ impl Run {
         }
         for camera in &mut self.cameras {
             let times = std::mem::take(&mut camera.times);
-            self.times.detect += times.detect;
-            self.times.lift += times.lift;
+            self.times += times;
         }
     }
 

@@ -63,6 +63,8 @@ pub struct LatencySummary {
     pub mean_ms: f64,
     /// Median, to 1/16.
     pub p50_ms: f64,
+    /// 95 of 100 are not longer, to 1/16.
+    pub p95_ms: f64,
     /// 99 of 100 are not longer, to 1/16.
     pub p99_ms: f64,
     /// Longest.
@@ -90,6 +92,7 @@ impl Histogram {
             count,
             mean_ms: self.sum_us.get() as f64 / count as f64 / 1e3,
             p50_ms: quantile_ms(&counts, count.div_ceil(2)).min(max_ms),
+            p95_ms: quantile_ms(&counts, (count * 95).div_ceil(100)).min(max_ms),
             p99_ms: quantile_ms(&counts, (count * 99).div_ceil(100)).min(max_ms),
             max_ms,
         }
@@ -276,7 +279,9 @@ mod tests {
                 histogram.record(Duration::from_micros(i * scale_us));
             }
             let summary = histogram.summary();
-            for (found_ms, rank) in [(summary.p50_ms, 500.0), (summary.p99_ms, 990.0)] {
+            for (found_ms, rank) in
+                [(summary.p50_ms, 500.0), (summary.p95_ms, 950.0), (summary.p99_ms, 990.0)]
+            {
                 let true_ms = rank * scale_us as f64 / 1e3;
                 assert!((found_ms / true_ms - 1.0).abs() < 1.0 / 15.0, "{found_ms} instead of {true_ms} ms");
             }

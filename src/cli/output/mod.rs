@@ -1,7 +1,10 @@
 //! What the client prints: JSON documents for scripts, text for people. stdout is for these alone.
 
 pub mod associations;
+pub mod bench;
 pub mod document;
+pub mod matching;
+pub mod matching_text;
 pub mod moved;
 pub mod solve;
 pub mod status;

@@ -2,20 +2,17 @@
 
 use std::convert::Infallible;
 use std::fmt::Write as _;
-use std::io::Cursor;
 
-use embedded_graphics::draw_target::DrawTarget;
-use embedded_graphics::geometry::{OriginDimensions, Point, Size};
+use embedded_graphics::Drawable;
+use embedded_graphics::geometry::{Point, Size};
 use embedded_graphics::mono_font::MonoTextStyle;
 use embedded_graphics::mono_font::ascii::FONT_8X13;
-use embedded_graphics::pixelcolor::{Rgb888, RgbColor};
+use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::primitives::{Primitive, PrimitiveStyle, Rectangle};
 use embedded_graphics::text::{Alignment, Baseline, Text, TextStyle, TextStyleBuilder};
-use embedded_graphics::{Drawable, Pixel};
-use image::{ImageError, ImageFormat, RgbImage};
+use image::{ImageError, RgbImage};
 
-/// Red, green, blue.
-pub type Rgb = [u8; 3];
+use crate::cli::canvas::{Canvas, Rgb};
 
 #[derive(Debug, Clone, PartialEq)]
 enum Mark {
@@ -96,11 +93,9 @@ impl Drawing {
         let mut canvas = Canvas(RgbImage::new(self.size[0], self.size[1]));
         for mark in &self.marks {
             // Painting into memory cannot fail: its error has no value.
-            let Ok(()) = canvas.paint(mark);
+            let Ok(()) = paint(&mut canvas, mark);
         }
-        let mut png = Cursor::new(Vec::new());
-        canvas.0.write_to(&mut png, ImageFormat::Png)?;
-        Ok(png.into_inner())
+        canvas.as_png()
     }
 }
 
@@ -112,45 +107,20 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-struct Canvas(RgbImage);
-
-impl Canvas {
-    fn paint(&mut self, mark: &Mark) -> Result<(), Infallible> {
-        let rgb = |[red, green, blue]: Rgb| Rgb888::new(red, green, blue);
-        let point = |[x, y]: [u32; 2]| Point::new(x as i32, y as i32);
-        match mark {
-            Mark::Rectangle { at, size, color } => Rectangle::new(point(*at), Size::new(size[0], size[1]))
-                .into_styled(PrimitiveStyle::with_fill(rgb(*color)))
-                .draw(self),
-            Mark::Text { at, is_centered, text, color } => {
-                let alignment = if *is_centered { Alignment::Center } else { Alignment::Left };
-                let style: TextStyle =
-                    TextStyleBuilder::new().alignment(alignment).baseline(Baseline::Middle).build();
-                let character = MonoTextStyle::new(&FONT_8X13, rgb(*color));
-                Text::with_text_style(text, point(*at), character, style).draw(self).map(|_| ())
-            }
+fn paint(canvas: &mut Canvas, mark: &Mark) -> Result<(), Infallible> {
+    let rgb = |[red, green, blue]: Rgb| Rgb888::new(red, green, blue);
+    let point = |[x, y]: [u32; 2]| Point::new(x as i32, y as i32);
+    match mark {
+        Mark::Rectangle { at, size, color } => Rectangle::new(point(*at), Size::new(size[0], size[1]))
+            .into_styled(PrimitiveStyle::with_fill(rgb(*color)))
+            .draw(canvas),
+        Mark::Text { at, is_centered, text, color } => {
+            let alignment = if *is_centered { Alignment::Center } else { Alignment::Left };
+            let style: TextStyle =
+                TextStyleBuilder::new().alignment(alignment).baseline(Baseline::Middle).build();
+            let character = MonoTextStyle::new(&FONT_8X13, rgb(*color));
+            Text::with_text_style(text, point(*at), character, style).draw(canvas).map(|_| ())
         }
-    }
-}
-
-impl OriginDimensions for Canvas {
-    fn size(&self) -> Size {
-        Size::new(self.0.width(), self.0.height())
-    }
-}
-
-impl DrawTarget for Canvas {
-    type Color = Rgb888;
-    type Error = Infallible;
-
-    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(&mut self, pixels: I) -> Result<(), Infallible> {
-        for Pixel(Point { x, y }, color) in pixels {
-            let place = u32::try_from(x).ok().zip(u32::try_from(y).ok());
-            if let Some(pixel) = place.and_then(|(x, y)| self.0.get_pixel_mut_checked(x, y)) {
-                pixel.0 = [color.r(), color.g(), color.b()];
-            }
-        }
-        Ok(())
     }
 }
 

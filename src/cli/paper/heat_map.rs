@@ -1,8 +1,9 @@
 //! The heat map: which panels it has, where they stand, and what colour an error has. How it is written is in `drawing`.
 
 use super::document::PaperDocument;
-use super::drawing::{Drawing, Rgb};
+use super::drawing::Drawing;
 use super::grid::Spread;
+use crate::cli::canvas::Rgb;
 
 const CELL_PX: [u32; 2] = [64, 26];
 /// Room for the labels of the rows.
