@@ -48,6 +48,9 @@ struct Arguments {
     /// Shortest segment, px; as the detector's own default where it is not given.
     #[arg(long)]
     min_length_px: Option<f64>,
+    /// Most segments of an image, likewise.
+    #[arg(long)]
+    max_segments: Option<usize>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -88,6 +91,7 @@ fn main() -> Result<()> {
     let arguments = Arguments::parse();
     let mut options = DetectOptions::default();
     options.min_length_px = arguments.min_length_px.unwrap_or(options.min_length_px);
+    options.max_segments = arguments.max_segments.unwrap_or(options.max_segments);
     let origin = match (&arguments.segments, arguments.detector) {
         (Some(file), _) => Origin::Listed(read_segments(file)?),
         (None, DetectorName::Own) => Origin::Own(Box::new(Detector::new(options))),
@@ -136,12 +140,14 @@ impl Counts {
             by_m[way / 2] = if way % 2 == 0 { WRONG_BY_M } else { -WRONG_BY_M };
             Motion::translation(by_m.x, by_m.y, by_m.z) * target_from_source
         });
-        self.by_chance += wrong.map(|wrong| shared_lines(targets, sources, &wrong).len() as f64).sum::<f64>() / 6.0;
+        self.by_chance +=
+            wrong.map(|wrong| shared_lines(targets, sources, &wrong).len() as f64).sum::<f64>() / 6.0;
     }
 }
 
 fn name_of(folder: &Path) -> Result<String> {
-    let name = folder.canonicalize()?.file_name().context("a recording has a name")?.to_string_lossy().into_owned();
+    let name =
+        folder.canonicalize()?.file_name().context("a recording has a name")?.to_string_lossy().into_owned();
     Ok(name)
 }
 

@@ -5,6 +5,7 @@
 mod fragment;
 mod gradient;
 mod grow;
+mod samples;
 mod trace;
 mod track;
 
