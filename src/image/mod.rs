@@ -4,4 +4,4 @@ mod gray;
 mod view;
 
 pub use gray::gray_from_rgb;
-pub use view::{DepthView, GrayView};
+pub use view::{DepthView, GrayView, RgbView};

@@ -1,8 +1,17 @@
-//! Borrowed gray and depth images with size and stride.
+//! Borrowed gray, colour and depth images with size and stride.
 
 /// An 8-bit gray image.
 #[derive(Debug, Clone, Copy)]
 pub struct GrayView<'a> {
+    data: &'a [u8],
+    width: usize,
+    height: usize,
+    stride: usize,
+}
+
+/// An 8-bit colour image, red, green and blue interleaved.
+#[derive(Debug, Clone, Copy)]
+pub struct RgbView<'a> {
     data: &'a [u8],
     width: usize,
     height: usize,
@@ -44,6 +53,32 @@ impl<'a> GrayView<'a> {
     pub fn row(&self, y: usize) -> &'a [u8] {
         let start = y * self.stride;
         &self.data[start..start + self.width]
+    }
+}
+
+impl<'a> RgbView<'a> {
+    /// A view of `data`; `None` when it is too short for the size and stride (bytes from row to row).
+    pub fn try_new(data: &'a [u8], (width, height): (usize, usize), stride: usize) -> Option<Self> {
+        fits(data.len(), (3 * width, height), stride).then_some(Self { data, width, height, stride })
+    }
+
+    /// Width, px.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height, px.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Red, green and blue of a pixel; `None` outside the image.
+    pub fn pixel(&self, x: usize, y: usize) -> Option<[u8; 3]> {
+        if x >= self.width || y >= self.height {
+            return None;
+        }
+        let at = y * self.stride + 3 * x;
+        self.data.get(at..at + 3)?.try_into().ok()
     }
 }
 
