@@ -20,7 +20,7 @@ use pelical::capture::RgbdFrame;
 use pelical::capture::recording::Recording;
 use pelical::geometry::motion::Motion;
 use pelical::geometry::{CameraView, PixelPoint, Segment};
-use pelical::image::{GrayView, gray_from_rgb};
+use pelical::image::{GrayView, RgbView, gray_from_rgb};
 use pelical::lines::{DetectOptions, Detector, LiftOptions, Lifter};
 use pelical::solver::evidence::EvidenceLine;
 use pelical::solver::residual::match_residual;
@@ -239,7 +239,8 @@ impl Finder {
         let mut segments = Vec::new();
         match &mut self.origin {
             Origin::Own(detector) => {
-                detector.detect(&image, &mut segments);
+                let rgb = RgbView::try_new(&frame.rgb, size, 3 * frame.width).context("an image")?;
+                detector.detect_color(&image, &rgb, &mut segments);
                 return Ok(segments);
             }
             Origin::Lsdetect => {

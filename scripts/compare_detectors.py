@@ -3,12 +3,16 @@
 
     pip install opencv-python-headless
     scripts/compare_detectors.py segments RECORDING... -o FILE   then  cargo run --release --example shared_lines -- --segments FILE
-    scripts/compare_detectors.py time IMAGE_OR_RECORDING...       runs the example detect_time beside it
+    scripts/compare_detectors.py time IMAGE...   all three on the same images in one run: OpenCV, this crate and the crate lsdetect
 
 `segments` writes per image a line `image RECORDING/CAMERA/STAMP` and lines `x1 y1 x2 y2`, px, pixel centres at whole numbers.
 """
 import argparse
+import os
+import statistics
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -45,6 +49,33 @@ def write_segments(args):
                     print(*(f"{value:.4f}" for value in segment), file=out)
 
 
+def median_ms(rounds, work):
+    times = []
+    for _ in range(rounds):
+        start = time.process_time()
+        work()
+        times.append(1e3 * (time.process_time() - start))
+    return statistics.median(times)
+
+
+def compare_times(args):
+    """Medians of processor time on one thread; each image by all detectors in turn, so that load falls on all alike."""
+    lsd = detector()
+    own = ["cargo", "run", "--quiet", "--release", "--example", "detect_time", "--", "--rounds", str(args.rounds)]
+    environment = dict(os.environ, RAYON_NUM_THREADS="1")
+    total = np.zeros(4)
+    print("ms per image: own (gray)  own (colour)  lsdetect  OpenCV LSD")
+    for image in args.images:
+        gray = cv2.imread(image, cv2.IMREAD_GRAYSCALE)
+        opencv_ms = median_ms(args.rounds, lambda: lsd.detect(gray))
+        line = subprocess.run(own + [image], env=environment, check=True, capture_output=True, text=True).stdout
+        times = np.array([float(value) for value in line.split()[-3:]] + [opencv_ms])
+        total += times
+        print(*(f"{value:8.2f}" for value in times), f"{gray.shape[1]}x{gray.shape[0]}", image)
+    print(*(f"{value:8.2f}" for value in total / len(args.images)), "mean")
+    print(f"the faster one of the others takes {min(total[2:]) / total[0]:.2f} times as long as own (gray)")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -52,6 +83,10 @@ def main():
     segments.add_argument("recordings", nargs="+")
     segments.add_argument("-o", "--output", required=True)
     segments.set_defaults(run=write_segments)
+    times = commands.add_parser("time", help="time three detectors on images")
+    times.add_argument("images", nargs="+")
+    times.add_argument("--rounds", type=int, default=20)
+    times.set_defaults(run=compare_times)
     args = parser.parse_args()
     args.run(args)
 

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::capture::RgbdFrame;
 use crate::geometry::{Camera, Segment};
-use crate::image::{GrayView, gray_from_rgb};
+use crate::image::{GrayView, RgbView, gray_from_rgb};
 use crate::lines::{DetectOptions, Detector, LiftOptions, Lifter, sample_surface};
 
 use super::buffers::FoundLines;
@@ -54,15 +54,18 @@ impl LineFinder for SegmentLineFinder {
         found.thumbnail = Thumbnail::default();
         gray_from_rgb(&frame.rgb, &mut self.gray);
         let size = (frame.width, frame.height);
-        let (Some(gray), Some(depth)) =
-            (GrayView::try_new(&self.gray, size, frame.width), frame.depth_view())
-        else {
+        let views = (
+            GrayView::try_new(&self.gray, size, frame.width),
+            RgbView::try_new(&frame.rgb, size, 3 * frame.width),
+            frame.depth_view(),
+        );
+        let (Some(gray), Some(rgb), Some(depth)) = views else {
             return FindTimes::default();
         };
         {
             let _span = tracing::trace_span!("detect").entered();
             found.thumbnail = Thumbnail::of(&gray);
-            self.detector.detect(&gray, &mut self.segments);
+            self.detector.detect_color(&gray, &rgb, &mut self.segments);
         }
         let detected = Instant::now();
         let _span = tracing::trace_span!("lift").entered();

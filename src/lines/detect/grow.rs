@@ -21,9 +21,15 @@ const RECENT: i64 = 8;
 const MIN_RECENT: u32 = 6;
 /// Least share of columns with a sample.
 const MIN_SUPPORT: f64 = 0.6;
+/// The same of a segment that is as short and sharp as noise makes them.
+const MIN_SUPPORT_NOISY: f64 = 0.95;
 /// Least mean sharpness: a soft shadow or a shaded curve falls off over many pixels and is no line of the scene (0.44 is
 /// sharp, 0.15 blurred by another 2 px).
 const MIN_SHARPNESS: f64 = 0.15;
+/// Mean sharpness above which a segment may be a ridge of noise: these have 0.8 to 1.3, and the flanks of thin lines up to 0.9.
+const NOISE_SHARPNESS: f64 = 0.75;
+/// Ridges of noise are shorter than this, px.
+const NOISE_LENGTH_PX: f64 = 40.0;
 /// Least cosine between two segments that may be one edge (10 degrees).
 const MIN_COSINE_SAME: f64 = 0.985;
 /// Largest share of a segment's columns that another segment of its direction may own.
@@ -94,16 +100,23 @@ impl Grower {
         track = track.fitted(&self.samples, 4)?;
         let extent = Extent { low: *self.samples.u.first()? as i64, high: *self.samples.u.last()? as i64 };
         let scan = Scan::new(gradient, &track);
-        let n_samples = self.samples.len() as f64;
-        let sharpness: f64 = self.samples.sharpness.iter().map(|&sharpness| f64::from(sharpness)).sum();
-        let is_sharp = sharpness >= MIN_SHARPNESS * n_samples;
-        let supported = is_sharp && n_samples >= MIN_SUPPORT * extent.columns();
+        let supported = self.is_supported(extent.columns(), track.stretch());
         let long_enough = (extent.columns() - 1.0) * track.stretch() >= min_length_px;
         if !supported || !long_enough || self.is_taken(&scan, &track, extent) {
             return None;
         }
         self.own(&scan, &track, extent);
         Some(self.segment(&track, extent))
+    }
+
+    /// Whether the samples show an edge all along so many columns, and one that is no shading and no noise.
+    fn is_supported(&self, columns: f64, stretch: f64) -> bool {
+        // Across a slanted edge a step along the image axis is shorter than a pixel.
+        let sharpness = self.samples.mean_sharpness() * stretch.powi(2);
+        let support = self.samples.len() as f64 / columns;
+        let is_short = columns * stretch < NOISE_LENGTH_PX;
+        let is_noise = is_short && sharpness > NOISE_SHARPNESS && support < MIN_SUPPORT_NOISY;
+        sharpness >= MIN_SHARPNESS && support >= MIN_SUPPORT && !is_noise
     }
 
     fn collect(&mut self, scan: &Scan<'_>, extent: Extent) {

@@ -31,7 +31,7 @@ pub struct Samples {
     /// Inverse variance before robust weighting, 1/px².
     weight: Vec<f32>,
     /// How much the gradient falls within a pixel on both sides, as a share of the peak; 0.44 on a sharp edge.
-    pub sharpness: Vec<f32>,
+    sharpness: Vec<f32>,
 }
 
 impl Samples {
@@ -53,6 +53,11 @@ impl Samples {
     /// How many.
     pub fn len(&self) -> usize {
         self.u.len()
+    }
+
+    /// Mean of the sharpness; not a number without samples.
+    pub fn mean_sharpness(&self) -> f64 {
+        self.sharpness.iter().map(|&sharpness| f64::from(sharpness)).sum::<f64>() / self.len() as f64
     }
 
     /// Adds one lane.
@@ -100,6 +105,13 @@ impl Sampled {
     /// Whether a column shows the edge.
     pub fn is_found(&self, lane: usize) -> bool {
         self.is_found >> lane & 1 == 1
+    }
+
+    /// All of a column that shows the edge, bit by bit.
+    #[cfg(test)]
+    pub fn bits(&self, lane: usize) -> Option<[u32; 4]> {
+        let all = [&self.u, &self.v, &self.weight, &self.sharpness];
+        self.is_found(lane).then(|| all.map(|column| column[lane].to_bits()))
     }
 }
 
