@@ -21,6 +21,8 @@ pub struct Colour {
     /// Of the stronger one; zero in the border of one pixel.
     vector: Vec<[i16; 2]>,
     magnitude: Vec<i16>,
+    /// Sums of two rows of the image.
+    column_sums: Vec<i16>,
     /// One row of the other one.
     row_vector: Vec<[i16; 2]>,
     row_magnitude: Vec<i16>,
@@ -53,6 +55,7 @@ impl Colour {
         }
         self.vector.clear();
         self.vector.resize(width * height, [0; 2]);
+        self.column_sums.resize(6 * width, 0);
         self.row_vector.resize(width - 2, [0; 2]);
         self.row_magnitude.resize(width - 2, 0);
     }
@@ -60,11 +63,15 @@ impl Colour {
     /// One row of both differences.
     fn differ(&mut self, rgb: &RgbView<'_>, y: usize) {
         let n = self.width;
-        let [upper, lower] = [2 * y, 2 * y + 1].map(|y| rgb.row(y).as_chunks::<2>().0);
+        let [upper, lower] = [2 * y, 2 * y + 1].map(|y| &rgb.row(y)[..2 * n].as_flattened()[..6 * n]);
+        let sums = &mut self.column_sums[..6 * n];
+        for i in 0..6 * n {
+            sums[i] = i16::from(upper[i]) + i16::from(lower[i]);
+        }
         let [red_green, blue] = self.differences.each_mut().map(|plane| &mut plane[y * n..(y + 1) * n]);
-        let pixels = upper.iter().zip(lower).map(|(a, b)| [a[0], a[1], b[0], b[1]]);
-        for ((pixels, red_green), blue) in pixels.zip(red_green).zip(blue) {
-            let [r, g, b] = [0, 1, 2].map(|k| pixels.iter().map(|pixel| i16::from(pixel[k])).sum::<i16>());
+        let pairs = self.column_sums.as_chunks::<6>().0;
+        for ((&[r0, g0, b0, r1, g1, b1], red_green), blue) in pairs.iter().zip(red_green).zip(blue) {
+            let [r, g, b] = [r0 + r1, g0 + g1, b0 + b1];
             *red_green = r - g;
             *blue = b - (r + g) / 2;
         }
@@ -78,6 +85,9 @@ impl Colour {
         let (vectors, magnitudes) = (&mut self.vector[inner.clone()], &mut self.magnitude[inner]);
         sobel_row(red_green, vectors, magnitudes);
         sobel_row(blue, &mut self.row_vector, &mut self.row_magnitude);
+        if self.row_magnitude.iter().fold(0, |a, &b| a.max(b)) < MIN_COLOUR {
+            return;
+        }
         let other = self.row_vector.iter().zip(&self.row_magnitude);
         for ((vector, magnitude), (&of_blue, &by_blue)) in vectors.iter_mut().zip(magnitudes).zip(other) {
             let is_blue = by_blue > *magnitude;

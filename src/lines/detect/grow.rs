@@ -22,14 +22,14 @@ const MIN_RECENT: u32 = 6;
 /// Least share of columns with a sample.
 const MIN_SUPPORT: f64 = 0.6;
 /// The same of a segment that is as short and sharp as noise makes them.
-const MIN_SUPPORT_NOISY: f64 = 0.95;
+const MIN_SUPPORT_NOISY: f64 = 0.9;
 /// Least mean sharpness: a soft shadow or a shaded curve falls off over many pixels and is no line of the scene (0.44 is
 /// sharp, 0.15 blurred by another 2 px).
 const MIN_SHARPNESS: f64 = 0.15;
 /// Mean sharpness above which a segment may be a ridge of noise: these have 0.8 to 1.3, and the flanks of thin lines up to 0.9.
-const NOISE_SHARPNESS: f64 = 0.75;
+const NOISE_SHARPNESS: f64 = 0.85;
 /// Ridges of noise are shorter than this, px.
-const NOISE_LENGTH_PX: f64 = 40.0;
+const NOISE_LENGTH_PX: f64 = 32.0;
 /// Least cosine between two segments that may be one edge (10 degrees).
 const MIN_COSINE_SAME: f64 = 0.985;
 /// Largest share of a segment's columns that another segment of its direction may own.
