@@ -1,12 +1,16 @@
-//! Time per 640 x 480 image of the line stage on one core; first checks that the lines are right.
+//! Time per 640 x 480 image of the line stage on one core, beside the segment detector of the crate lsdetect; first checks that the
+//! lines are right. `scripts/compare_detectors.py time` adds OpenCV's detector on images from outside.
 #![allow(missing_docs, reason = "criterion_group! writes an undocumented function")]
 #![allow(clippy::expect_used, reason = "a bench stops at the first wrong answer")]
 use std::hint::black_box;
+use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use pelical::capture::synthetic::{SyntheticFactory, SyntheticOptions};
+use pelical::capture::{DeviceFactory, RgbdFrame};
 use pelical::geometry::camera::Pinhole;
 use pelical::geometry::{Camera, Distortion, LineObservation, PixelPoint, Segment};
-use pelical::image::{DepthView, GrayView};
+use pelical::image::{DepthView, GrayView, RgbView, gray_from_rgb};
 use pelical::lines::{DetectOptions, Detector, LiftOptions, Lifter};
 
 const SIZE: (usize, usize) = (640, 480);
@@ -74,7 +78,58 @@ fn check_lines(lines: &[LineObservation]) {
     }
 }
 
+/// All threads of this process on the core it is on: lsdetect uses a thread pool.
+fn stay_on_one_core() {
+    let mut core = rustix::thread::CpuSet::new();
+    core.set(rustix::thread::sched_getcpu());
+    rustix::thread::sched_setaffinity(None, &core).expect("a core of its own");
+}
+
+/// A furnished room with the noise of a camera.
+fn room() -> RgbdFrame {
+    let factory = SyntheticFactory::new(SyntheticOptions::pair(40.0, 0.3, 7));
+    let serial = factory.list().expect("cameras")[0].serial.clone();
+    let mut frame = RgbdFrame::default();
+    let mut source = factory.open(&serial).expect("opens");
+    source.next_frame(&mut frame, Duration::from_secs(60)).expect("a frame");
+    frame
+}
+
+/// The detector and lsdetect on one gray image.
+fn compare(criterion: &mut Criterion, name: &str, pixels: &[u8]) {
+    let image = GrayView::try_new(pixels, SIZE, SIZE.0).expect("fits");
+    let (mut detector, mut segments) = (Detector::new(DetectOptions::default()), Vec::new());
+    detector.detect(&image, &mut segments);
+    let longest_px = segments.first().expect("segments").length_px();
+    assert!(segments.len() > 20 && longest_px > 100.0, "{name}: {} segments", segments.len());
+    let n = segments.len();
+    criterion.bench_function(&format!("detect, {name}, {n} segments"), |bencher| {
+        bencher.iter(|| detector.detect(black_box(&image), &mut segments));
+    });
+    let find = || lsdetect::detect(black_box(pixels), SIZE.0, SIZE.1, lsdetect::SCALE).expect("fits");
+    let n =
+        find().iter().filter(|segment| segment.length() >= DetectOptions::default().min_length_px).count();
+    criterion
+        .bench_function(&format!("lsdetect, {name}, {n} segments as long"), |bencher| bencher.iter(find));
+}
+
 fn lines(criterion: &mut Criterion) {
+    stay_on_one_core();
+    let frame = room();
+    let mut gray = Vec::new();
+    gray_from_rgb(&frame.rgb, &mut gray);
+    compare(criterion, "room", &gray);
+    compare(criterion, "tiles", &render());
+    let (mut detector, mut segments) = (Detector::new(DetectOptions::default()), Vec::new());
+    let gray = GrayView::try_new(&gray, SIZE, SIZE.0).expect("fits");
+    let rgb = RgbView::try_new(&frame.rgb, SIZE, 3 * SIZE.0).expect("fits");
+    criterion.bench_function("detect, room in colour", |bencher| {
+        bencher.iter(|| detector.detect_color(black_box(&gray), &rgb, &mut segments));
+    });
+    lift(criterion);
+}
+
+fn lift(criterion: &mut Criterion) {
     let pixels = render();
     let counts: Vec<u16> = (0..SIZE.0 * SIZE.1)
         .map(|i| (1000.0 / plane_per_m((i % SIZE.0) as f64, (i / SIZE.0) as f64)).round() as u16)
@@ -83,19 +138,15 @@ fn lines(criterion: &mut Criterion) {
     let camera = Camera::try_new((640, 480), pinhole, Distortion::None).expect("valid intrinsics");
     let image = GrayView::try_new(&pixels, SIZE, SIZE.0).expect("fits");
     let depth = DepthView::try_new(&counts, SIZE, SIZE.0, 0.001).expect("fits");
-    let (mut detector, mut segments) = (Detector::new(DetectOptions::default()), Vec::new());
+    let mut segments = Vec::new();
     let (mut lifter, mut lifted) = (Lifter::new(LiftOptions::default()), Vec::new());
 
-    detector.detect(&image, &mut segments);
+    Detector::new(DetectOptions::default()).detect(&image, &mut segments);
     check_segments(&segments);
     lifter.lift(&segments, &depth, &camera, &mut lifted);
     check_lines(&lifted);
 
     let n = segments.len();
-    criterion.bench_function(&format!("detect 640x480, {n} segments"), |bencher| {
-        bencher.iter(|| detector.detect(black_box(&image), &mut segments));
-    });
-    let segments = segments.clone();
     criterion.bench_function(&format!("lift {n} segments"), |bencher| {
         bencher.iter(|| lifter.lift(black_box(&segments), &depth, &camera, &mut lifted));
     });

@@ -72,6 +72,12 @@ impl<'a> RgbView<'a> {
         self.height
     }
 
+    /// One row, `width` pixels of red, green and blue.
+    pub fn row(&self, y: usize) -> &'a [[u8; 3]] {
+        let start = y * self.stride;
+        self.data[start..start + 3 * self.width].as_chunks().0
+    }
+
     /// Red, green and blue of a pixel; `None` outside the image.
     pub fn pixel(&self, x: usize, y: usize) -> Option<[u8; 3]> {
         if x >= self.width || y >= self.height {

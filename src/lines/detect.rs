@@ -2,14 +2,19 @@
 //! longest fragments grown into whole edges over small gaps.
 //!
 //! Long edges matter most: an edge interrupted by clutter comes out as one segment.
+mod colour;
+mod doubles;
 mod fragment;
 mod gradient;
 mod grow;
+mod samples;
 mod trace;
 mod track;
 
 use crate::geometry::Segment;
-use crate::image::GrayView;
+use crate::image::{GrayView, RgbView};
+use colour::Colour;
+use doubles::{Kept, drop_doubles};
 use fragment::Fragment;
 use gradient::{COUNTS_PER_LEVEL, Gradient};
 use grow::Grower;
@@ -35,7 +40,7 @@ pub struct DetectOptions {
 
 impl Default for DetectOptions {
     fn default() -> Self {
-        Self { min_length_px: 28.0, min_gradient_levels_per_px: 1.2, max_segments: 300 }
+        Self { min_length_px: 18.0, min_gradient_levels_per_px: 1.2, max_segments: 500 }
     }
 }
 
@@ -44,10 +49,12 @@ impl Default for DetectOptions {
 pub struct Detector {
     options: DetectOptions,
     gradient: Gradient,
+    colour: Colour,
     tracer: Tracer,
     fragments: Vec<Fragment>,
     grower: Grower,
     grown: Vec<Segment>,
+    kept: Vec<Kept>,
 }
 
 impl Detector {
@@ -56,20 +63,36 @@ impl Detector {
         Self {
             options,
             gradient: Gradient::default(),
+            colour: Colour::default(),
             tracer: Tracer::default(),
             fragments: Vec::new(),
             grower: Grower::default(),
             grown: Vec::new(),
+            kept: Vec::new(),
         }
     }
 
-    /// Replaces `segments` by those of `image`, longest first; the same image gives the same segments, bit for bit.
-    pub fn detect(&mut self, image: &GrayView<'_>, segments: &mut Vec<Segment>) {
+    /// Replaces `segments` by those of a gray image, longest first; the same image gives the same segments, bit for bit.
+    pub fn detect(&mut self, gray: &GrayView<'_>, segments: &mut Vec<Segment>) {
+        self.detect_in(gray, None, segments);
+    }
+
+    /// The same for a colour image: also finds edges between colours that are equally bright, which its gray form `gray` does not
+    /// show. There the redder side stands for the brighter one, or the bluer side.
+    pub fn detect_color(&mut self, gray: &GrayView<'_>, rgb: &RgbView<'_>, segments: &mut Vec<Segment>) {
+        let is_same_size = (gray.width(), gray.height()) == (rgb.width(), rgb.height());
+        self.detect_in(gray, is_same_size.then_some(rgb), segments);
+    }
+
+    fn detect_in(&mut self, gray: &GrayView<'_>, rgb: Option<&RgbView<'_>>, segments: &mut Vec<Segment>) {
         segments.clear();
-        if image.width() < MIN_SIDE_PX || image.height() < MIN_SIDE_PX {
+        if gray.width() < MIN_SIDE_PX || gray.height() < MIN_SIDE_PX {
             return;
         }
-        self.gradient.compute(image);
+        self.gradient.compute(gray);
+        if let Some(rgb) = rgb {
+            self.colour.add(rgb, &mut self.gradient);
+        }
         self.find_fragments();
         self.grower.reset(&self.gradient, MAX_FRAGMENTS);
         let grown = &mut self.grown;
@@ -85,6 +108,8 @@ impl Detector {
                 .then(a.start.y.total_cmp(&b.start.y))
                 .then(a.start.x.total_cmp(&b.start.x))
         });
+        self.kept.reserve(MAX_FRAGMENTS);
+        drop_doubles(grown, &mut self.kept);
         segments.reserve(self.options.max_segments);
         segments.extend(grown.iter().take(self.options.max_segments));
     }
@@ -108,4 +133,8 @@ impl Detector {
 }
 
 #[cfg(test)]
+mod stability_tests;
+#[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod twin;

@@ -76,25 +76,27 @@ impl LineFinder for SegmentLineFinder {
         found.thumbnail = Thumbnail::default();
         gray_from_rgb(&frame.rgb, &mut self.gray);
         let size = (frame.width, frame.height);
-        let (Some(gray), Some(depth)) =
-            (GrayView::try_new(&self.gray, size, frame.width), frame.depth_view())
-        else {
+        let views = (
+            GrayView::try_new(&self.gray, size, frame.width),
+            RgbView::try_new(&frame.rgb, size, 3 * frame.width),
+            frame.depth_view(),
+        );
+        let (Some(gray), Some(rgb), Some(depth)) = views else {
             return FindTimes::default();
         };
         let grayed = Instant::now();
         {
             let _span = tracing::trace_span!("detect").entered();
             found.thumbnail = Thumbnail::of(&gray);
-            self.detector.detect(&gray, &mut self.segments);
+            self.detector.detect_color(&gray, &rgb, &mut self.segments);
         }
         let detected = Instant::now();
         let _span = tracing::trace_span!("lift").entered();
         self.lifter.lift(&self.segments, &depth, camera, &mut found.view.lines);
         sample_surface(&depth, camera, &mut found.view.surface);
         let lifted = Instant::now();
-        let colour = RgbView::try_new(&frame.rgb, size, 3 * frame.width);
-        if let (Some(describer), Some(colour)) = (&mut self.describer, colour) {
-            describer.describe(&colour, &found.view.lines, &mut found.looks);
+        if let Some(describer) = &mut self.describer {
+            describer.describe(&rgb, &found.view.lines, &mut found.looks);
         }
         if self.keeps_images {
             // The buffers change places: nothing is copied.

@@ -25,32 +25,39 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// Replaces the gradient by that of `image`; the image is larger than twice the border on both sides.
-    pub fn compute(&mut self, image: &GrayView<'_>) {
-        let (width, height) = (image.width(), image.height());
-        if (width, height) != (self.width, self.height) {
-            (self.width, self.height) = (width, height);
-            self.vector.clear();
-            self.vector.resize(width * height, [0; 2]);
-            for plane in [&mut self.magnitude, &mut self.smooth] {
-                plane.clear();
-                plane.resize(width * height, 0);
-            }
-            self.column_sums.clear();
-            self.column_sums.resize(width, 0);
+    /// Replaces the gradient by that of `gray`; the image is larger than twice the border on both sides.
+    pub fn compute(&mut self, gray: &GrayView<'_>) {
+        self.resize((gray.width(), gray.height()));
+        for y in 2..self.height - 2 {
+            self.smooth_row(gray, y);
         }
-        for y in 2..height - 2 {
-            self.smooth_row(image, y);
-        }
-        for y in BORDER_PX..height - BORDER_PX {
-            self.sobel_row(y);
+        let n = self.width;
+        for y in BORDER_PX..self.height - BORDER_PX {
+            let inner = y * n + BORDER_PX..(y + 1) * n - BORDER_PX;
+            let rows = [y - 1, y, y + 1].map(|y| &self.smooth[y * n + 2..(y + 1) * n - 2]);
+            sobel_row(rows, &mut self.vector[inner.clone()], &mut self.magnitude[inner]);
         }
     }
 
+    fn resize(&mut self, (width, height): (usize, usize)) {
+        if (width, height) == (self.width, self.height) {
+            return;
+        }
+        (self.width, self.height) = (width, height);
+        self.vector.clear();
+        self.vector.resize(width * height, [0; 2]);
+        for plane in [&mut self.magnitude, &mut self.smooth] {
+            plane.clear();
+            plane.resize(width * height, 0);
+        }
+        self.column_sums.clear();
+        self.column_sums.resize(width, 0);
+    }
+
     /// Binomial 1 4 6 4 1 in both directions; keeps four fractional bits.
-    fn smooth_row(&mut self, image: &GrayView<'_>, y: usize) {
+    fn smooth_row(&mut self, gray: &GrayView<'_>, y: usize) {
         let n = self.width;
-        let rows = [y - 2, y - 1, y, y + 1, y + 2].map(|row| &image.row(row)[..n]);
+        let rows = [y - 2, y - 1, y, y + 1, y + 2].map(|row| &gray.row(row)[..n]);
         let sums = &mut self.column_sums[..n];
         for (i, sum) in sums.iter_mut().enumerate() {
             let [a, b, c, d, e] = rows.map(|row| u16::from(row[i]));
@@ -65,22 +72,19 @@ impl Gradient {
             *out = ((a + e + 4 * (b + d) + 6 * c) >> 4) as i16;
         }
     }
+}
 
-    fn sobel_row(&mut self, y: usize) {
-        let (n, m) = (self.width, self.width - 2 * BORDER_PX);
-        // Three rows seen from one, two and three pixels on: left, middle and right neighbours of column i + 3.
-        let at = |row: usize, shift: usize| &self.smooth[row * n + shift..row * n + shift + m];
-        let [above_l, above, above_r] = [2, 3, 4].map(|shift| at(y - 1, shift));
-        let [left, right] = [2, 4].map(|shift| at(y, shift));
-        let [below_l, below, below_r] = [2, 3, 4].map(|shift| at(y + 1, shift));
-        let inner = y * n + BORDER_PX..y * n + BORDER_PX + m;
-        let out_vector = &mut self.vector[inner.clone()];
-        let out_magnitude = &mut self.magnitude[inner];
-        for i in 0..m {
-            let x = (above_r[i] - above_l[i]) + 2 * (right[i] - left[i]) + (below_r[i] - below_l[i]);
-            let y = (below_l[i] - above_l[i]) + 2 * (below[i] - above[i]) + (below_r[i] - above_r[i]);
-            out_vector[i] = [x, y];
-            out_magnitude[i] = x.abs() + y.abs();
-        }
+/// Sobel's gradient of the middle one of three rows, and `|x| + |y|`: one pixel less on both sides.
+pub fn sobel_row([above, row, below]: [&[i16]; 3], vector: &mut [[i16; 2]], magnitude: &mut [i16]) {
+    let m = row.len() - 2;
+    let [above_l, above, above_r] = [0, 1, 2].map(|shift| &above[shift..shift + m]);
+    let [left, right] = [0, 2].map(|shift| &row[shift..shift + m]);
+    let [below_l, below, below_r] = [0, 1, 2].map(|shift| &below[shift..shift + m]);
+    let (vector, magnitude) = (&mut vector[..m], &mut magnitude[..m]);
+    for i in 0..m {
+        let x = (above_r[i] - above_l[i]) + 2 * (right[i] - left[i]) + (below_r[i] - below_l[i]);
+        let y = (below_l[i] - above_l[i]) + 2 * (below[i] - above[i]) + (below_r[i] - above_r[i]);
+        vector[i] = [x, y];
+        magnitude[i] = x.abs() + y.abs();
     }
 }

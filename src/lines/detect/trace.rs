@@ -2,9 +2,13 @@
 //!
 //! The way along an edge follows from the gradient alone (brighter side on the right hand), so a chain never turns back.
 use super::gradient::{BORDER_PX, Gradient};
+use super::samples::top_of_parabola;
 
 /// Longest chain, px; a longer edge goes on as another chain.
 pub const MAX_CHAIN_PX: usize = 8192;
+
+/// Shorter chains hold no fragment.
+const MIN_CHAIN_PX: usize = 9;
 
 /// Spacing of the rows and columns that are searched for anchors, px.
 const ANCHOR_GRID_PX: usize = 4;
@@ -27,6 +31,9 @@ pub struct TraceLimits {
     pub follow: i16,
 }
 
+/// Pixels of a row that are passed over together where none is strong enough.
+const SKIP_PX: usize = 16;
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Way {
     Forward,
@@ -39,7 +46,9 @@ pub struct Tracer {
     /// Least gradient to go on, counts.
     follow: i16,
     used: Vec<bool>,
-    backward: Vec<EdgePoint>,
+    /// Pixels of the chain in work, by index: those before the anchor, in reverse, and those from it on.
+    backward: Vec<u32>,
+    forward: Vec<u32>,
     chain: Vec<EdgePoint>,
 }
 
@@ -51,47 +60,75 @@ impl Tracer {
         self.used.resize(gradient.magnitude.len(), false);
         self.backward.clear();
         self.backward.reserve(MAX_CHAIN_PX);
+        self.forward.clear();
+        self.forward.reserve(MAX_CHAIN_PX);
         self.chain.clear();
         self.chain.reserve(2 * MAX_CHAIN_PX);
         for y in BORDER_PX + 1..gradient.height - BORDER_PX - 1 {
             let row = y * gradient.width;
+            let (first, last) = (row + BORDER_PX + 1, row + gradient.width - BORDER_PX - 1);
             // Anchors are looked for on a grid of lines: an edge worth having crosses one.
-            let stride = if y % ANCHOR_GRID_PX == 0 { 1 } else { ANCHOR_GRID_PX };
-            for x in (BORDER_PX + 1..gradient.width - BORDER_PX - 1).step_by(stride) {
-                if gradient.magnitude[row + x] >= limits.anchor
-                    && !self.used[row + x]
-                    && is_ridge(gradient, row + x)
-                {
-                    self.draw(gradient, row + x);
-                    take(&self.chain);
+            if y % ANCHOR_GRID_PX != 0 {
+                for at in (first..last).step_by(ANCHOR_GRID_PX) {
+                    self.trace_from(gradient, (at, limits.anchor), &mut take);
+                }
+                continue;
+            }
+            for begin in (first..last).step_by(SKIP_PX) {
+                let pixels = begin..(begin + SKIP_PX).min(last);
+                // A fold without a branch: most of an image is without an edge.
+                let strongest = gradient.magnitude[pixels.clone()].iter().fold(0, |a, &b| a.max(b));
+                if strongest >= limits.anchor {
+                    pixels.for_each(|at| self.trace_from(gradient, (at, limits.anchor), &mut take));
                 }
             }
         }
     }
 
-    /// Replaces the chain by the edge through an anchor.
+    /// Draws the edge through a pixel if that is an anchor.
+    fn trace_from(
+        &mut self,
+        gradient: &Gradient,
+        (at, least): (usize, i16),
+        take: &mut impl FnMut(&[EdgePoint]),
+    ) {
+        if gradient.magnitude[at] < least || self.used[at] || !is_ridge(gradient, at) {
+            return;
+        }
+        self.draw(gradient, at);
+        if self.backward.len() + self.forward.len() >= MIN_CHAIN_PX {
+            self.localise(gradient);
+            take(&self.chain);
+        }
+    }
+
+    /// Follows the edge through an anchor both ways.
     fn draw(&mut self, gradient: &Gradient, anchor: usize) {
-        self.backward.clear();
-        self.chain.clear();
         self.used[anchor] = true;
+        self.backward.clear();
         let mut at = anchor;
-        while let Some(next) = self.step(gradient, at, Way::Backward) {
-            self.backward.push(localise(gradient, next));
+        while self.backward.len() < MAX_CHAIN_PX
+            && let Some(next) = self.step(gradient, at, Way::Backward)
+        {
+            self.backward.push(next as u32);
             at = next;
-            if self.backward.len() == MAX_CHAIN_PX {
-                break;
-            }
         }
-        self.chain.extend(self.backward.iter().rev());
-        self.chain.push(localise(gradient, anchor));
+        self.forward.clear();
+        self.forward.push(anchor as u32);
         at = anchor;
-        while let Some(next) = self.step(gradient, at, Way::Forward) {
-            self.chain.push(localise(gradient, next));
+        while self.forward.len() < MAX_CHAIN_PX
+            && let Some(next) = self.step(gradient, at, Way::Forward)
+        {
+            self.forward.push(next as u32);
             at = next;
-            if self.chain.len() == 2 * MAX_CHAIN_PX {
-                break;
-            }
         }
+    }
+
+    /// Replaces the chain by the sub-pixel points of the pixels in work.
+    fn localise(&mut self, gradient: &Gradient) {
+        let pixels = self.backward.iter().rev().chain(&self.forward);
+        self.chain.clear();
+        self.chain.extend(pixels.map(|&pixel| localise(gradient, pixel as usize)));
     }
 
     /// The strongest of the three next pixels, marked as used; `None` where the edge ends.
@@ -145,20 +182,4 @@ fn localise(gradient: &Gradient, at: usize) -> EdgePoint {
     let (x, y) = ((at % gradient.width) as f32, (at / gradient.width) as f32);
     let offset = top_of_parabola([before, here, after]);
     if across == 1 { EdgePoint { x: x + offset, y } } else { EdgePoint { x, y: y + offset } }
-}
-
-/// Part of the parabola's error at `offset` that goes with `offset (1/4 - offset²)`.
-const PARABOLA_BIAS: f32 = 0.5;
-
-/// Offset of the maximum from the middle sample, at most one; 0 where there is none.
-///
-/// The ridge of a step seen through the filters is nearly a Gaussian of 1.4 px, on which a parabola pulls the top towards
-/// the middle by up to 0.024 px; that is undone.
-pub fn top_of_parabola([before, here, after]: [f32; 3]) -> f32 {
-    let curvature = before - 2.0 * here + after;
-    if curvature >= 0.0 {
-        return 0.0;
-    }
-    let offset = (0.5 * (before - after) / curvature).clamp(-1.0, 1.0);
-    offset + PARABOLA_BIAS * offset * (0.25 - offset * offset).max(0.0)
 }
