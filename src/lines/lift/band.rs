@@ -19,7 +19,7 @@ const BIN_PX: f64 = 10.0;
 /// Readings a cell keeps for its median.
 const CELL_READINGS: usize = 12;
 /// More than one side of any segment gives: 200 columns of half 17 px, or as many of a longer segment's.
-const MAX_READINGS: usize = 2048;
+pub const MAX_READINGS: usize = 2048;
 /// A cell with fewer readings has no value.
 const MIN_CELL_READINGS: usize = 3;
 
