@@ -66,7 +66,8 @@ fn judge_synthetic() -> Result<Vec<Judged>> {
     let timeout = Duration::from_secs(10);
     let mut judged = Vec::new();
     for seed in [1, 2] {
-        let noisy = SyntheticOptions { frame_sets: Some(SYNTHETIC_SETS), ..SyntheticOptions::pair(40.0, 0.3, seed) };
+        let noisy =
+            SyntheticOptions { frame_sets: Some(SYNTHETIC_SETS), ..SyntheticOptions::pair(40.0, 0.3, seed) };
         let mut exact = SyntheticOptions { noise: Noise::Off, ..noisy.clone() };
         exact.cameras.iter_mut().for_each(|camera| camera.info.depth_unit_m = EXACT_UNIT_M);
         let (noisy, exact) = (SyntheticFactory::new(noisy), SyntheticFactory::new(exact));

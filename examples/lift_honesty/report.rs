@@ -36,16 +36,26 @@ pub fn print_report(title: &str, judged: &[Judged]) {
         scored.len(),
         share(scored.len(), lifted)
     );
-    println!("  {:<22}{:>7}{:>8}{:>8}{:>8}{:>9}{:>9}{:>9}", "class", "lines", "scale", "rms", "gross%", "bias", "err%", "sigma%");
-    let row = |name: &str, keep: &dyn Fn(&Scored) -> bool| print_row(name, scored.iter().filter(|line| keep(line)));
+    println!(
+        "  {:<22}{:>7}{:>8}{:>8}{:>8}{:>9}{:>9}{:>9}",
+        "class", "lines", "scale", "rms", "gross%", "bias", "err%", "sigma%"
+    );
+    let row =
+        |name: &str, keep: &dyn Fn(&Scored) -> bool| print_row(name, scored.iter().filter(|line| keep(line)));
     row("all", &|_| true);
     row("both", &|line| line.fit.side == EdgeSide::Both);
     row("one side", &|line| line.fit.side != EdgeSide::Both);
     row("truly both", &|line| line.truth.side == EdgeSide::Both);
     row("taken for the other", &|line| line.truth.side != line.fit.side);
     row("true step, taken both", &|line| line.truth.side != line.fit.side && line.fit.side == EdgeSide::Both);
-    row("truly both, one taken", &|line| line.truth.side != line.fit.side && line.truth.side == EdgeSide::Both);
-    row("far side taken", &|line| line.truth.side != line.fit.side && line.truth.side != EdgeSide::Both && line.fit.side != EdgeSide::Both);
+    row("truly both, one taken", &|line| {
+        line.truth.side != line.fit.side && line.truth.side == EdgeSide::Both
+    });
+    row("far side taken", &|line| {
+        line.truth.side != line.fit.side
+            && line.truth.side != EdgeSide::Both
+            && line.fit.side != EdgeSide::Both
+    });
     for (from, to) in [(0.0, 40.0), (40.0, 80.0), (80.0, 160.0), (160.0, 2000.0)] {
         row(&format!("{from} to {to} px"), &|line| (from..to).contains(&line.length_px));
     }
@@ -82,7 +92,9 @@ fn print_row<'a>(name: &str, lines: impl Iterator<Item = &'a Scored>) {
     let error = share(&|end, line| {
         (line.fit.inverse_depth_per_m[end] / line.truth.inverse_depth_per_m[end] - 1.0).abs()
     });
-    let sigma = share(&|end, line| line.fit.covariance_per_m2[(end, end)].sqrt() / line.truth.inverse_depth_per_m[end]);
+    let sigma = share(&|end, line| {
+        line.fit.covariance_per_m2[(end, end)].sqrt() / line.truth.inverse_depth_per_m[end]
+    });
     let gross = 100.0 * gross.len() as f64 / lines.len().max(1) as f64;
     println!(
         "  {name:<22}{:>7}{scale:>8.2}{rms:>8.2}{gross:>8.1}{bias:>9.2}{error:>9.2}{sigma:>9.2}",

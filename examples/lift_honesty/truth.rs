@@ -35,12 +35,15 @@ impl LineTruth {
     /// The truth of a segment; `None` where no side has one plane beside it.
     pub fn of(segment: &Segment, exact: &DepthView<'_>, camera: &Camera) -> Option<Self> {
         let side = |sign: f64| {
-            WINDOWS_PX.iter().find_map(|window_px| plane(&readings(segment, exact, (camera, sign, *window_px))))
+            WINDOWS_PX
+                .iter()
+                .find_map(|window_px| plane(&readings(segment, exact, (camera, sign, *window_px))))
         };
         let (left, right) = (side(-1.0), side(1.0));
         let (ends, side) = match (left, right) {
             (Some(left), Some(right)) => {
-                let is_same = |i: usize| (left[i] - right[i]).abs() <= SAME[0] + SAME[1] * left[i].max(right[i]);
+                let is_same =
+                    |i: usize| (left[i] - right[i]).abs() <= SAME[0] + SAME[1] * left[i].max(right[i]);
                 if is_same(0) && is_same(1) {
                     ([0, 1].map(|i| 0.5 * (left[i] + right[i])), EdgeSide::Both)
                 } else if left[0] + left[1] > right[0] + right[1] {
@@ -82,7 +85,8 @@ fn readings(
             let is_in = (0.0..=length_px).contains(&along_px)
                 && (window_px[0]..window_px[1]).contains(&(sign * across_px));
             if let (true, Some(depth_m)) = (is_in, exact.depth_m(x, y)) {
-                let foot = pelical::geometry::PixelPoint { x: start.x + along_px * dx, y: start.y + along_px * dy };
+                let foot =
+                    pelical::geometry::PixelPoint { x: start.x + along_px * dx, y: start.y + along_px * dy };
                 let ray = camera.ray_from_pixel(foot);
                 let along = ((ray.x - from.x) * rx + (ray.y - from.y) * ry) / (rx * rx + ry * ry);
                 found.push([along, across_px, 1.0 / depth_m]);

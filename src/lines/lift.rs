@@ -14,7 +14,7 @@ use nalgebra::Matrix2;
 use crate::geometry::{Camera, DepthFit, EdgeSide, LineObservation, Segment};
 use crate::image::DepthView;
 use band::{Band, MAX_BINS, Reading};
-use fit::{Agreement, Gate, Moments, Shape, SurfaceFit, least_squares, open_cells};
+use fit::{Agreement, Gate, Moments, Reach, Shape, SurfaceFit, least_squares, open_cells};
 use noise::Scatter;
 use owner::Owner;
 use plane::Plane;
@@ -27,6 +27,8 @@ const MIN_INLIERS: f64 = 12.0;
 const GATE_SIGMAS: f64 = 3.0;
 /// The same for the median of a cell, which has less deviation than a reading.
 const CELL_GATE_SIGMAS: f64 = 2.0;
+/// Zones that are looked at again where what most of a side shows does not reach the edge.
+const INNER_ZONES: usize = 2;
 /// How far the noise of a surface may lie from the sensor's model, as a factor.
 const SIGMA_RANGE: [f64; 2] = [0.4, 1.8];
 /// A median of absolute values times this is the deviation of normal errors.
@@ -68,13 +70,15 @@ pub struct Lifter {
     bands: [Band; 2],
     /// Sizes of residuals, for their median.
     sizes: Vec<f64>,
+    /// Those in work on one side.
+    cells: Vec<Reading>,
     /// Of each segment of the image.
     scatters: Vec<Scatter>,
 }
 
-/// The surface on one side of an edge.
+/// A surface on one side of an edge.
 #[derive(Debug, Clone, Copy)]
-struct Side {
+struct Surface {
     fit: SurfaceFit,
     moments: Moments,
     agreement: Agreement,
@@ -83,10 +87,31 @@ struct Side {
     scatter: Scatter,
 }
 
+/// The surface at the edge on one side.
+#[derive(Debug, Clone, Copy)]
+struct AtEdge {
+    surface: Surface,
+    beyond: Beyond,
+    /// Whether there is depth enough at the edge to say that it reaches it.
+    is_sure: bool,
+}
+
+/// What follows on the surface at an edge a few pixels farther out on its side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Beyond {
+    /// The same surface.
+    Same,
+    /// Something nearer.
+    Nearer,
+    /// Something farther: what is at the edge is narrow, or has bled over from the other side.
+    Farther,
+}
+
 impl Lifter {
     /// A lifter with the given options.
     pub fn new(options: LiftOptions) -> Self {
-        Self { options, bands: Default::default(), sizes: Vec::new(), scatters: Vec::new() }
+        let (bands, sizes, scatters) = Default::default();
+        Self { options, bands, sizes, cells: Vec::with_capacity(band::ZONES * MAX_BINS), scatters }
     }
 
     /// Replaces `lines` by one observation per segment, in the same order; `depth` is `None` where too little depth agrees.
@@ -119,9 +144,9 @@ impl Lifter {
         let common = noise::common_variance_factor(self.scatters.iter().copied());
         for (line, scatter) in lines.iter_mut().zip(&self.scatters) {
             if let Some(depth) = &mut line.depth {
-                let systematic = depth
-                    .inverse_depth_per_m
-                    .map(|inverse_depth_per_m| (self.options.relative_systematic * inverse_depth_per_m).powi(2));
+                let systematic = depth.inverse_depth_per_m.map(|inverse_depth_per_m| {
+                    (self.options.relative_systematic * inverse_depth_per_m).powi(2)
+                });
                 depth.covariance_per_m2 *= scatter.variance_factor(common);
                 depth.covariance_per_m2 += Matrix2::from_diagonal(&systematic.into());
             }
@@ -140,38 +165,51 @@ impl Lifter {
             return None;
         }
         band::read(&mut self.bands, segment, depth, camera);
-        let left = self.fit_side(EdgeSide::Left, length_px);
-        let right = self.fit_side(EdgeSide::Right, length_px);
-        match (&left, &right) {
-            (Some(left), Some(right)) => {
-                let agreements = [&left.agreement, &right.agreement];
-                let sigma_per_m = self.sigma_per_m(&agreements, length_px);
-                let owner = owner::between([left, right], (sigma_per_m, length_px))?;
-                match owner.side {
-                    EdgeSide::Both => {
-                        Some((self.accepted(&owner, &agreements)?, left.scatter.and(right.scatter)))
-                    }
-                    EdgeSide::Left => Some((self.accepted(&owner, &[&left.agreement])?, left.scatter)),
-                    EdgeSide::Right => Some((self.accepted(&owner, &[&right.agreement])?, right.scatter)),
-                }
-            }
-            (Some(side), None) | (None, Some(side)) => {
-                Some((self.accepted(&side.owner, &[&side.agreement])?, side.scatter))
-            }
-            (None, None) => None,
-        }
+        let left = self.at_edge(EdgeSide::Left, length_px);
+        let right = self.at_edge(EdgeSide::Right, length_px);
+        let model_per_m = self.options.sigma_inverse_depth_per_m;
+        let owner = owner::decide([left.as_ref(), right.as_ref()], (model_per_m, length_px))?;
+        let sides = [(EdgeSide::Left, &left), (EdgeSide::Right, &right)];
+        let owning =
+            sides.into_iter().filter(|(side, _)| owner.owns(*side)).filter_map(|(_, side)| side.as_ref());
+        let scatter = owning.clone().map(|side| side.surface.scatter).fold(Scatter::default(), Scatter::and);
+        Some((self.accepted(&owner, owning.map(|side| &side.surface.agreement))?, scatter))
     }
 
-    /// The plane beside the edge that most readings agree with; `None` where too few do.
-    fn fit_side(&mut self, side: EdgeSide, length_px: f64) -> Option<Side> {
+    /// The surface at the edge on one side.
+    fn at_edge(&mut self, side: EdgeSide, length_px: f64) -> Option<AtEdge> {
         let band = &self.bands[usize::from(side == EdgeSide::Right)];
-        let typical_per_m = median_inverse_depth(&band.cells)?;
-        // Before the residuals are known.
-        let model_per_m = self
-            .options
-            .sigma_inverse_depth_per_m
-            .hypot(self.options.relative_systematic * typical_per_m);
-        let plane = plane::consensus(&band.cells, CELL_GATE_SIGMAS * model_per_m)?;
+        self.cells.clear();
+        self.cells.extend(&band.cells);
+        let surface = self.fit_side(side, length_px)?;
+        let reach = surface.agreement.reach(self.bands[0].n_bins);
+        if reach != Reach::Short {
+            return Some(AtEdge { surface, beyond: Beyond::Same, is_sure: reach == Reach::Edge });
+        }
+        // What most of the side shows lies farther out: look again, beside the edge.
+        let outer = surface.fit.plane();
+        let tolerance_per_m = CELL_GATE_SIGMAS * self.model_per_m(outer.mean_per_m());
+        let is_other =
+            |cell: &Reading| cell.zone() < INNER_ZONES && outer.residual(cell).abs() > tolerance_per_m;
+        self.cells.retain(is_other);
+        let surface = self.fit_side(side, length_px)?;
+        let reach = surface.agreement.reach(self.bands[0].n_bins);
+        let is_nearer = outer.mean_per_m() > surface.fit.plane().mean_per_m();
+        let beyond = if is_nearer { Beyond::Nearer } else { Beyond::Farther };
+        (reach != Reach::Short).then_some(AtEdge { surface, beyond, is_sure: reach == Reach::Edge })
+    }
+
+    /// Standard deviation of a reading before the residuals are known, 1/m.
+    fn model_per_m(&self, inverse_depth_per_m: f64) -> f64 {
+        let LiftOptions { sigma_inverse_depth_per_m, relative_systematic, .. } = self.options;
+        sigma_inverse_depth_per_m.hypot(relative_systematic * inverse_depth_per_m)
+    }
+
+    /// The plane under most of the cells in work; `None` where too few readings agree.
+    fn fit_side(&mut self, side: EdgeSide, length_px: f64) -> Option<Surface> {
+        let band = &self.bands[usize::from(side == EdgeSide::Right)];
+        let model_per_m = self.model_per_m(median_inverse_depth(&self.cells)?);
+        let plane = plane::consensus(&self.cells, CELL_GATE_SIGMAS * model_per_m)?;
         let sigma_per_m = spread_per_m(&plane, band, (&mut self.sizes, model_per_m))?;
         let gate =
             Gate { reading_per_m: GATE_SIGMAS * sigma_per_m, cell_per_m: CELL_GATE_SIGMAS * sigma_per_m };
@@ -184,21 +222,22 @@ impl Lifter {
         }
         let moments = agreement.moments();
         let fit = least_squares([&moments, &Moments::default()], Shape::Plane)?;
-        let sigma_per_m = self.sigma_per_m(&[&agreement], length_px);
+        let model_per_m = self.options.sigma_inverse_depth_per_m;
+        let sigma_per_m = noise::reading_sigma_per_m(&[&agreement], length_px, model_per_m);
         let owner = Owner::on(&fit, side, (sigma_per_m, length_px));
         let scatter = Scatter::of(&agreement, &fit.plane(), (sigma_per_m, length_px));
-        Some(Side { fit, moments, agreement, owner, scatter })
-    }
-
-    fn sigma_per_m(&self, sides: &[&Agreement], length_px: f64) -> f64 {
-        noise::reading_sigma_per_m(sides, length_px, self.options.sigma_inverse_depth_per_m)
+        Some(Surface { fit, moments, agreement, owner, scatter })
     }
 
     /// The owner's depth as a result; `None` where too few readings agree or they cover too little of the segment.
-    fn accepted(&self, owner: &Owner, sides: &[&Agreement]) -> Option<DepthFit> {
-        let near = [0, 1].map(|i| sides.iter().map(|side| side.n_near[i]).sum::<f64>());
+    fn accepted<'a>(
+        &self,
+        owner: &Owner,
+        sides: impl Iterator<Item = &'a Agreement> + Clone,
+    ) -> Option<DepthFit> {
+        let near = [0, 1].map(|i| sides.clone().map(|side| side.n_near[i]).sum::<f64>());
         let inlier_ratio = near[1] / near[0].max(1.0);
-        let covered = sides.iter().fold(0, |bins, side| bins | side.covered).count_ones();
+        let covered = sides.clone().fold(0, |bins, side| bins | side.covered).count_ones();
         let coverage = f64::from(covered) / self.bands[0].n_bins as f64;
         let usable = owner.ends_per_m.min() > 0.0;
         if !usable || inlier_ratio < self.options.min_inlier_ratio || coverage < self.options.min_coverage {
@@ -208,18 +247,14 @@ impl Lifter {
             inverse_depth_per_m: owner.ends_per_m.into(),
             covariance_per_m2: owner.covariance_per_m2,
             inlier_ratio,
-            n_inliers: sides.iter().map(|side| side.n as u32).sum(),
+            n_inliers: sides.map(|side| side.n as u32).sum(),
             side: owner.side,
         })
     }
 }
 
 /// Robust deviation of the readings about a plane, within bounds about the sensor's; `None` where no cell agrees with it.
-fn spread_per_m(
-    plane: &Plane,
-    band: &Band,
-    (sizes, model_per_m): (&mut Vec<f64>, f64),
-) -> Option<f64> {
+fn spread_per_m(plane: &Plane, band: &Band, (sizes, model_per_m): (&mut Vec<f64>, f64)) -> Option<f64> {
     let is_open = open_cells(plane, band, CELL_GATE_SIGMAS * model_per_m);
     let open = band.readings.iter().filter(|reading| is_open[usize::from(reading.cell)]);
     sizes.clear();

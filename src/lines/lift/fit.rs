@@ -7,6 +7,9 @@ use super::plane::Plane;
 /// Readings farther from the edge do not enter the inlier ratio, px: most of that surface may be another's.
 const RATIO_BAND_PX: f64 = 4.75;
 
+/// Least share of the readings at the edge, and of its bins, for a surface that reaches it.
+const MIN_AT_EDGE: f64 = 0.5;
+
 /// How the inverse depths of the two sides are tied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
@@ -48,23 +51,52 @@ pub struct Agreement {
     pub n_near: [f64; 2],
     /// Bins with agreeing readings beside the edge, one bit each.
     pub covered: u16,
+    /// Readings in the zone at the edge, and those of them that agree.
+    n_at_edge: [f64; 2],
+    /// Bins with agreeing readings in the zone at the edge.
+    at_edge: u16,
+}
+
+/// Whether a surface reaches the edge it was found beside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reach {
+    /// It is what the depth at the edge shows.
+    Edge,
+    /// There is too little depth at the edge to say.
+    Unknown,
+    /// Depth at the edge shows something else.
+    Short,
 }
 
 impl Agreement {
     /// The readings within the gate of `plane`, in cells whose median is.
     pub fn with(plane: &Plane, band: &Band, gate: Gate) -> Self {
         let sums = [Sums::default(); ZONES * MAX_BINS];
-        let mut found = Self { sums, sum_per_m2: 0.0, n: 0.0, n_near: [0.0; 2], covered: 0 };
+        let mut found = Self {
+            sums,
+            sum_per_m2: 0.0,
+            n: 0.0,
+            n_near: [0.0; 2],
+            covered: 0,
+            n_at_edge: [0.0; 2],
+            at_edge: 0,
+        };
         let is_open = open_cells(plane, band, gate.cell_per_m);
         for reading in &band.readings {
             let is_near = reading.across_px.abs() <= RATIO_BAND_PX;
             found.n_near[0] += f64::from(u8::from(is_near));
+            let is_at_edge = reading.zone() == 0;
+            found.n_at_edge[0] += f64::from(u8::from(is_at_edge));
             let residual_per_m = plane.residual(reading);
             if is_open[usize::from(reading.cell)] && residual_per_m.abs() <= gate.reading_per_m {
                 found.add(reading, residual_per_m);
                 if is_near {
                     found.n_near[1] += 1.0;
                     found.covered |= 1 << reading.bin();
+                }
+                if is_at_edge {
+                    found.n_at_edge[1] += 1.0;
+                    found.at_edge |= 1 << reading.bin();
                 }
             }
         }
@@ -79,6 +111,18 @@ impl Agreement {
         sums.inverse_depth_per_m += reading.inverse_depth_per_m;
         self.sum_per_m2 += residual_per_m * residual_per_m;
         self.n += 1.0;
+    }
+
+    /// Whether the surface reaches the edge, which has so many bins.
+    pub fn reach(&self, n_bins: usize) -> Reach {
+        let [all, agreeing] = self.n_at_edge;
+        if agreeing < MIN_AT_EDGE * all {
+            Reach::Short
+        } else if f64::from(self.at_edge.count_ones()) < MIN_AT_EDGE * n_bins as f64 {
+            Reach::Unknown
+        } else {
+            Reach::Edge
+        }
     }
 
     /// Number of agreeing readings and mean residual of each bin along the edge, 1/m.

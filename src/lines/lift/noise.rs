@@ -10,7 +10,9 @@ const SLOW_SHARE: f64 = 0.15;
 /// Pixels per independent reading of the quick part of the noise (stereo matching windows overlap).
 pub const QUICK_AREA_PX2: f64 = 28.0;
 /// The same within one bin of the band, which is hardly larger than the correlation.
-const QUICK_AREA_IN_BIN_PX2: f64 = 21.0;
+const QUICK_AREA_IN_BIN_PX2: f64 = 18.0;
+/// Share of the variance that is slow and shows in the bins: the surface itself follows the rest.
+const SLOW_SHARE_IN_BIN: f64 = 0.08;
 /// Length per independent reading of the slow part, px.
 const SLOW_LENGTH_PX: f64 = 40.0;
 /// Weights of the sensor's noise model against what readings say of it, in independent readings.
@@ -60,7 +62,7 @@ impl Scatter {
         let (mut chi_square, mut bins) = (0.0, 0.0);
         for (n, residual_per_m) in side.bin_residuals(plane).filter(|(n, _)| *n >= MIN_BIN_READINGS) {
             let quick = (QUICK_AREA_IN_BIN_PX2 / (n * area_px2)).min(1.0);
-            let variance = sigma_per_m * sigma_per_m * (SLOW_SHARE + (1.0 - SLOW_SHARE) * quick);
+            let variance = sigma_per_m * sigma_per_m * (SLOW_SHARE_IN_BIN + (1.0 - SLOW_SHARE) * quick);
             chi_square += residual_per_m * residual_per_m / variance;
             bins += 1.0;
         }

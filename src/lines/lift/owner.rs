@@ -4,9 +4,8 @@
 //! result is their mean, and how far they differ enters its covariance.
 use nalgebra::{Matrix2, Vector2};
 
-use super::Side;
 use super::fit::{Shape, SurfaceFit, least_squares};
-use super::noise;
+use super::{AtEdge, Beyond, Surface, noise};
 use crate::geometry::EdgeSide;
 
 /// A surface that owns the edge.
@@ -19,8 +18,30 @@ pub struct Owner {
     pub covariance_per_m2: Matrix2<f64>,
 }
 
-/// The owner of an edge between two surfaces, and how likely it is the side it is said to be.
-pub fn between(sides: [&Side; 2], (sigma_per_m, length_px): (f64, f64)) -> Option<Owner> {
+/// The owner of an edge with these surfaces on its left and right; `None` where none is known to reach it.
+pub fn decide(sides: [Option<&AtEdge>; 2], (model_per_m, length_px): (f64, f64)) -> Option<Owner> {
+    let alone = |side: &AtEdge| side.is_sure.then_some(side.surface.owner);
+    let [left, right] = match sides {
+        [Some(left), Some(right)] => [left, right],
+        [Some(side), None] | [None, Some(side)] => return alone(side),
+        [None, None] => return None,
+    };
+    let agreements = [&left.surface.agreement, &right.surface.agreement];
+    let sigma_per_m = noise::reading_sigma_per_m(&agreements, length_px, model_per_m);
+    let owner = between([&left.surface, &right.surface], (sigma_per_m, length_px))?;
+    match (owner.side, left.beyond, right.beyond) {
+        (EdgeSide::Left, ..) => left.is_sure.then_some(owner),
+        (EdgeSide::Right, ..) => right.is_sure.then_some(owner),
+        // A bar of few pixels: more of it lies on the side where it is than has bled over to the other.
+        (_, Beyond::Farther, Beyond::Farther) if agreements[0].n >= agreements[1].n => alone(left),
+        (_, Beyond::Farther, Beyond::Farther) | (_, Beyond::Farther, _) => alone(right),
+        (_, _, Beyond::Farther) => alone(left),
+        _ => Some(owner),
+    }
+}
+
+/// The owner of an edge between two surfaces.
+fn between(sides: [&Surface; 2], (sigma_per_m, length_px): (f64, f64)) -> Option<Owner> {
     let [left, right] = sides;
     let moments = sides.map(|side| &side.moments);
     let per_independent = noise::readings_per_independent(length_px);
@@ -43,14 +64,19 @@ pub fn between(sides: [&Side; 2], (sigma_per_m, length_px): (f64, f64)) -> Optio
     let joint = |fit: &SurfaceFit| Owner::on(fit, EdgeSide::Both, (sigma_per_m, length_px));
     // At an occluding edge the nearer surface ends.
     let nearer = if left.fit.plane().mean_per_m() >= right.fit.plane().mean_per_m() {
-        Owner { side: EdgeSide::Left, ..left.owner }
+        left.owner
     } else {
-        Owner { side: EdgeSide::Right, ..right.owner }
+        right.owner
     };
     Some(mixture([joint(&marking), joint(&crease), nearer], weights))
 }
 
 impl Owner {
+    /// Whether the surface on this side counts.
+    pub fn owns(&self, side: EdgeSide) -> bool {
+        self.side == side || self.side == EdgeSide::Both
+    }
+
     /// A fitted surface as the owner.
     pub fn on(fit: &SurfaceFit, side: EdgeSide, (sigma_per_m, length_px): (f64, f64)) -> Self {
         let ends_per_m = fit.surface.fixed_rows::<2>(0).into_owned();
