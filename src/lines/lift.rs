@@ -8,6 +8,7 @@ mod fit;
 mod noise;
 mod owner;
 mod plane;
+mod sweep;
 
 use nalgebra::Matrix2;
 
@@ -18,6 +19,7 @@ use fit::{Agreement, Gate, Moments, Reach, Shape, SurfaceFit, least_squares, ope
 use noise::Scatter;
 use owner::Owner;
 use plane::Plane;
+use sweep::Sweep;
 
 /// Short segments have no direction worth lifting, px.
 const MIN_LENGTH_PX: f64 = 4.0;
@@ -68,6 +70,7 @@ pub struct Lifter {
     options: LiftOptions,
     /// Left and right of the segment in work.
     bands: [Band; 2],
+    sweep: Sweep,
     /// Sizes of residuals, for their median.
     sizes: Vec<f64>,
     /// Those in work on one side.
@@ -110,8 +113,8 @@ enum Beyond {
 impl Lifter {
     /// A lifter with the given options.
     pub fn new(options: LiftOptions) -> Self {
-        let (bands, sizes, scatters) = Default::default();
-        Self { options, bands, sizes, cells: Vec::with_capacity(band::ZONES * MAX_BINS), scatters }
+        let (bands, sweep, sizes, scatters) = Default::default();
+        Self { options, bands, sweep, sizes, cells: Vec::with_capacity(band::ZONES * MAX_BINS), scatters }
     }
 
     /// Replaces `lines` by one observation per segment, in the same order; `depth` is `None` where too little depth agrees.
@@ -164,7 +167,7 @@ impl Lifter {
         if !(MIN_LENGTH_PX..1e5).contains(&length_px) {
             return None;
         }
-        band::read(&mut self.bands, segment, depth, camera);
+        band::read((&mut self.bands, &mut self.sweep), segment, depth, camera);
         let left = self.at_edge(EdgeSide::Left, length_px);
         let right = self.at_edge(EdgeSide::Right, length_px);
         let model_per_m = self.options.sigma_inverse_depth_per_m;

@@ -74,7 +74,13 @@ fn every_digit_of_the_intrinsics_survives() {
     let pinhole = Pinhole { fx_px: 1.0 / 3.0 * 1e3, fy_px: 606.1000000000001, cx_px: -1e-9, cy_px: 1e9 };
     let lens = Distortion::BrownConrady { k1: 0.262383, k2: -0.953104, p1: -5.358e-13, p2: 0.0, k3: 1e20 };
     let camera = Camera::try_new((64, 48), pinhole, lens).unwrap();
-    let info = CameraInfo { name: "väder".into(), serial: "007".into(), camera, depth_unit_m: 1.25e-5 };
+    let info = CameraInfo {
+        name: "väder".into(),
+        serial: "007".into(),
+        camera,
+        depth_camera: None,
+        depth_unit_m: 1.25e-5,
+    };
     let (_parent, folder) = new_folder();
     let mut writer = RecordingWriter::create(&folder, std::slice::from_ref(&info), "", "").unwrap();
     let (rgb, depth) = (vec![7; 3 * 64 * 48], vec![9; 64 * 48]);
