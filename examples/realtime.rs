@@ -195,6 +195,7 @@ impl FrameSource for LoopedSource {
         frame.rgb.clone_from(&from.rgb);
         frame.depth.clone_from(&from.depth);
         (frame.width, frame.height, frame.depth_unit_m) = (from.width, from.height, from.depth_unit_m);
+        frame.depth_camera = from.depth_camera;
         (frame.stamp, frame.sequence) = (StampNs(due_ns as i64), self.number);
         self.number += 1;
         Ok(())

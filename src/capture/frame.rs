@@ -1,6 +1,6 @@
 //! One RGB-D frame and what is fixed about the camera it comes from.
 
-use crate::geometry::Camera;
+use crate::geometry::{Camera, DepthCamera};
 use crate::image::DepthView;
 
 /// Nanoseconds of the clock that stamps the frames (of the recording or of the device).
@@ -14,13 +14,15 @@ pub struct CameraInfo {
     pub name: String,
     /// Serial number as the maker prints it; a string, leading zeros count.
     pub serial: String,
-    /// Intrinsics of the colour image, to which depth is registered.
+    /// Intrinsics of the colour image.
     pub camera: Camera,
+    /// What measures depth; `None` where depth is registered to the colour image.
+    pub depth_camera: Option<DepthCamera>,
     /// Metres per depth count.
     pub depth_unit_m: f64,
 }
 
-/// Colour and registered depth of one moment. Buffers are reused from frame to frame.
+/// Colour and depth of one moment. Buffers are reused from frame to frame.
 #[derive(Debug, Clone, Default)]
 pub struct RgbdFrame {
     /// When the image was taken.
@@ -33,8 +35,10 @@ pub struct RgbdFrame {
     pub height: usize,
     /// 8-bit RGB, row-major, `3 * width * height` long.
     pub rgb: Vec<u8>,
-    /// Depth counts registered to the colour image, row-major, `width * height` long; 0 is "no reading".
+    /// Depth counts, row-major, of the size of the colour image or of `depth_camera`; 0 is "no reading".
     pub depth: Vec<u16>,
+    /// What measured depth; `None` where it is registered to the colour image.
+    pub depth_camera: Option<DepthCamera>,
     /// Metres per depth count.
     pub depth_unit_m: f64,
 }
@@ -42,13 +46,27 @@ pub struct RgbdFrame {
 impl RgbdFrame {
     /// A view of the depth image; `None` when the frame is empty or inconsistent.
     pub fn depth_view(&self) -> Option<DepthView<'_>> {
-        DepthView::try_new(&self.depth, (self.width, self.height), self.width, self.depth_unit_m)
+        let (width, height) = self.depth_size_px();
+        let view = DepthView::try_new(&self.depth, (width, height), width, self.depth_unit_m)?;
+        Some(match self.depth_camera {
+            Some(imager) => view.measured_by(imager),
+            None => view,
+        })
     }
 
-    /// Whether the buffers have the size that `width` and `height` promise.
+    /// Width and height of the depth image, px.
+    pub fn depth_size_px(&self) -> (usize, usize) {
+        match &self.depth_camera {
+            Some(imager) => (imager.camera.width_px() as usize, imager.camera.height_px() as usize),
+            None => (self.width, self.height),
+        }
+    }
+
+    /// Whether the buffers have the sizes that the frame promises.
     pub fn is_consistent(&self) -> bool {
         let pixels = self.width * self.height;
-        pixels > 0 && self.rgb.len() == 3 * pixels && self.depth.len() == pixels
+        let (depth_width, depth_height) = self.depth_size_px();
+        pixels > 0 && self.rgb.len() == 3 * pixels && self.depth.len() == depth_width * depth_height
     }
 
     /// Whether it is a whole frame of this camera.

@@ -18,8 +18,8 @@ use super::recording::{
     COLOR_FOLDER, DEPTH_FOLDER, FORMAT, GROUND_TRUTH_FILE, RECORDING_FILE, check_cameras,
 };
 use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
-use crate::geometry::Distortion;
 use crate::geometry::motion::Motion;
+use crate::geometry::{Camera, Distortion};
 
 /// What a crash may cost.
 const REWRITE_INTERVAL: Duration = Duration::from_secs(1);
@@ -163,6 +163,11 @@ impl RecordingWriter {
                     "frame {stamp} of camera \"{name}\" is not a whole {width} x {height} image"
                 ));
             }
+            if frame.depth_camera != camera.depth_camera {
+                return Err(format!(
+                    "frame {stamp} of camera \"{name}\" has another depth imager than its camera"
+                ));
+            }
             if frame.depth_unit_m != camera.depth_unit_m {
                 return Err(format!(
                     "frame {stamp} of camera \"{name}\" has another depth unit than its camera"
@@ -197,8 +202,10 @@ impl RecordingWriter {
         }
         self.depth_bytes.clear();
         self.depth_bytes.extend(frame.depth.iter().flat_map(|count| count.to_ne_bytes()));
+        let (depth_width, depth_height) = frame.depth_size_px();
         let depth = folder.join(DEPTH_FOLDER).join(format!("{}.png", frame.stamp.0));
         write_image(&depth, |file| {
+            let size = (depth_width as u32, depth_height as u32);
             png(file).write_image(&self.depth_bytes, size.0, size.1, ExtendedColorType::L16)
         })
     }
@@ -253,21 +260,43 @@ fn head_text(cameras: &[CameraInfo], description: &str, source: &str) -> String 
         quoted(description),
         quoted(source)
     );
-    for CameraInfo { name, serial, camera, depth_unit_m } in cameras {
-        let pinhole = camera.pinhole();
-        let (model, coeffs) = match camera.distortion() {
-            Distortion::None => ("none", [0.0; 5]),
-            Distortion::BrownConrady { k1, k2, p1, p2, k3 } => ("brown_conrady", [k1, k2, p1, p2, k3]),
-        };
-        let coeffs = coeffs.map(|coeff| coeff.to_string()).join(", ");
+    for CameraInfo { name, serial, camera, depth_camera, depth_unit_m } in cameras {
         let _ = writeln!(text, "  - name: {}\n    serial: {}", quoted(name), quoted(serial));
-        let _ = writeln!(text, "    width: {}\n    height: {}", camera.width_px(), camera.height_px());
-        let _ = writeln!(text, "    fx: {}\n    fy: {}", pinhole.fx_px, pinhole.fy_px);
-        let _ = writeln!(text, "    cx: {}\n    cy: {}", pinhole.cx_px, pinhole.cy_px);
-        let _ = writeln!(text, "    distortion: {{model: {model}, coeffs: [{coeffs}]}}");
+        for entry in intrinsics_entries(camera) {
+            let _ = writeln!(text, "    {entry}");
+        }
         let _ = writeln!(text, "    depth_unit_m: {depth_unit_m}");
+        if let Some(imager) = depth_camera {
+            let [x, y, z] = imager.color_from_depth.translation.vector.into();
+            let [qx, qy, qz, qw] = imager.color_from_depth.rotation.coords.into();
+            let _ = writeln!(text, "    depth:\n      registered: false");
+            for entry in intrinsics_entries(&imager.camera) {
+                let _ = writeln!(text, "      {entry}");
+            }
+            let _ = writeln!(text, "      color_from_depth:\n        translation_m: [{x}, {y}, {z}]");
+            let _ = writeln!(text, "        quaternion_xyzw: [{qx}, {qy}, {qz}, {qw}]");
+        }
     }
     text + "frame_sets:\n"
+}
+
+/// Size, pinhole and lens as lines of YAML.
+fn intrinsics_entries(camera: &Camera) -> [String; 7] {
+    let pinhole = camera.pinhole();
+    let (model, coeffs) = match camera.distortion() {
+        Distortion::None => ("none", [0.0; 5]),
+        Distortion::BrownConrady { k1, k2, p1, p2, k3 } => ("brown_conrady", [k1, k2, p1, p2, k3]),
+    };
+    let coeffs = coeffs.map(|coeff| coeff.to_string()).join(", ");
+    [
+        format!("width: {}", camera.width_px()),
+        format!("height: {}", camera.height_px()),
+        format!("fx: {}", pinhole.fx_px),
+        format!("fy: {}", pinhole.fy_px),
+        format!("cx: {}", pinhole.cx_px),
+        format!("cy: {}", pinhole.cy_px),
+        format!("distortion: {{model: {model}, coeffs: [{coeffs}]}}"),
+    ]
 }
 
 /// A string of JSON is a double-quoted string of YAML.

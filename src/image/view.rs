@@ -1,5 +1,7 @@
 //! Borrowed gray, colour and depth images with size and stride.
 
+use crate::geometry::DepthCamera;
+
 /// An 8-bit gray image.
 #[derive(Debug, Clone, Copy)]
 pub struct GrayView<'a> {
@@ -26,6 +28,7 @@ pub struct DepthView<'a> {
     height: usize,
     stride: usize,
     unit_m: f64,
+    imager: Option<DepthCamera>,
 }
 
 /// Whether `len` elements hold `height` rows of `width` at `stride`.
@@ -97,7 +100,7 @@ impl<'a> DepthView<'a> {
         unit_m: f64,
     ) -> Option<Self> {
         let ok = fits(data.len(), (width, height), stride) && unit_m.is_finite() && unit_m > 0.0;
-        ok.then_some(Self { data, width, height, stride, unit_m })
+        ok.then_some(Self { data, width, height, stride, unit_m, imager: None })
     }
 
     /// Width, px.
@@ -108,6 +111,17 @@ impl<'a> DepthView<'a> {
     /// Height, px.
     pub fn height(&self) -> usize {
         self.height
+    }
+
+    /// The same image as measured by an imager with a geometry of its own, not registered to the colour image.
+    #[must_use]
+    pub fn measured_by(self, imager: DepthCamera) -> Self {
+        Self { imager: Some(imager), ..self }
+    }
+
+    /// What measured it; `None` where it is registered to the colour image.
+    pub fn imager(&self) -> Option<&DepthCamera> {
+        self.imager.as_ref()
     }
 
     /// Metres per count.

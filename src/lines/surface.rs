@@ -1,5 +1,5 @@
 //! A coarse picture of the surfaces a camera sees: one inverse depth per cell, only where the cell lies on one surface.
-use crate::geometry::{Camera, PixelPoint, SurfaceSample};
+use crate::geometry::{Camera, DepthCamera, PixelPoint, SurfaceSample};
 use crate::image::DepthView;
 
 /// Cells along x and along y.
@@ -18,17 +18,44 @@ const MAX_SPREAD_RELATIVE: f64 = 0.03;
 pub fn sample_surface(depth: &DepthView<'_>, camera: &Camera, samples: &mut Vec<SurfaceSample>) {
     samples.clear();
     samples.reserve((CELLS[0] * CELLS[1]) as usize);
-    let (width, height) = (i64::from(camera.width_px()), i64::from(camera.height_px()));
+    let (width, height) = (depth.width() as i64, depth.height() as i64);
     for row in 0..CELLS[1] {
         let y = (2 * row + 1) * height / (2 * CELLS[1]);
         for column in 0..CELLS[0] {
             let x = (2 * column + 1) * width / (2 * CELLS[0]);
-            samples.extend(window_median(depth, (x, y)).map(|inverse_depth_per_m| SurfaceSample {
-                pixel: PixelPoint { x: x as f64, y: y as f64 },
-                inverse_depth_per_m,
-            }));
+            let Some(inverse_depth_per_m) = window_median(depth, (x, y)) else { continue };
+            let pixel = PixelPoint { x: x as f64, y: y as f64 };
+            samples.extend(match depth.imager() {
+                None => Some(SurfaceSample { pixel, inverse_depth_per_m }),
+                Some(imager) => carried(depth, (camera, imager), (pixel, inverse_depth_per_m)),
+            });
         }
     }
+}
+
+/// Steps on the way from a point to the colour camera; the way crosses few tens of pixels of the depth image.
+const STEPS: usize = 24;
+/// The way is behind a surface where that is nearer by this share.
+const HIDDEN_SHARE: f64 = 0.05;
+
+/// What a depth pixel shows, in the colour image; `None` outside of it and where something nearer hides it from the colour camera.
+fn carried(
+    depth: &DepthView<'_>,
+    (camera, imager): (&Camera, &DepthCamera),
+    (pixel, inverse_depth_per_m): (PixelPoint, f64),
+) -> Option<SurfaceSample> {
+    let point = imager.point_in_color(pixel, 1.0 / inverse_depth_per_m);
+    let in_color = camera.project(&point).filter(|pixel| camera.contains(*pixel, 0.0))?;
+    let depth_from_color = imager.color_from_depth.inverse();
+    let is_behind = |share: f64| {
+        let on_way = depth_from_color * nalgebra::Point3::from(point.coords * share);
+        let Some(PixelPoint { x, y }) = imager.camera.project(&on_way) else { return false };
+        let seen_m = depth.depth_m(x.round() as i64, y.round() as i64);
+        seen_m.is_some_and(|seen_m| seen_m < (1.0 - HIDDEN_SHARE) * on_way.z)
+    };
+    // Equal steps in inverse depth are about equal steps in the image; four times nearer is near enough.
+    let is_hidden = (1..=STEPS).any(|step| is_behind(1.0 / (1.0 + 3.0 * step as f64 / STEPS as f64)));
+    (!is_hidden).then(|| SurfaceSample { pixel: in_color, inverse_depth_per_m: 1.0 / point.z })
 }
 
 /// Median inverse depth of the window around a pixel; `None` with holes or on a depth edge.

@@ -338,3 +338,43 @@ fn images_with_flipped_bytes_never_panic() {
         assert!(frame.is_consistent());
     }
 }
+
+/// The key `depth` of a camera whose depth is not registered, in place of its first `depth_unit_m`.
+fn depth_key(changed: (&str, &str)) -> String {
+    let key = "depth_unit_m: 0.001\n    depth: {registered: false, width: 32, height: 24, fx: 30, fy: 30, cx: 16, cy: 12, \
+        distortion: {model: none, coeffs: [0, 0, 0, 0, 0]}, \
+        color_from_depth: {translation_m: [0.015, 0, 0], quaternion_xyzw: [0, 0, 0, 1]}}";
+    assert!(key.contains(changed.0), "the key has no {:?}", changed.0);
+    key.replace(changed.0, changed.1)
+}
+
+#[test]
+fn a_depth_imager_that_cannot_be_is_refused() {
+    let cases: [(&str, &str, &[&str]); 9] = [
+        ("registered: false", "registered: true", &["depth", "registered is true", "leave the key `depth` out"]),
+        ("width: 32", "width: 0", &["\"left\"", "depth", "0 x 24"]),
+        ("fx: 30", "fx: .nan", &["depth", "fx is NaN"]),
+        ("model: none", "model: fisheye", &["depth", "fisheye"]),
+        ("[0.015, 0, 0]", "[.inf, 0, 0]", &["color_from_depth", "translation_m", "inf"]),
+        ("[0.015, 0, 0]", "[15, 0, 0]", &["color_from_depth", "15.000 m", "at most"]),
+        ("[0, 0, 0, 1]", "[0, 0, 0, 2]", &["color_from_depth", "quaternion_xyzw", "norm 2"]),
+        ("[0, 0, 0, 1]", "[0, 1, 0, 0]", &["color_from_depth", "a turn of 3.142 rad"]),
+        ("height: 24, ", "", &["missing field `height`"]),
+    ];
+    for (from, to, expected) in cases {
+        check_change_refused("depth_unit_m: 0.001", &depth_key((from, to)), expected);
+    }
+}
+
+#[test]
+fn a_depth_image_has_the_size_of_its_imager() {
+    let fixture = Fixture::new(1);
+    let text = valid_text(1).replace("depth_unit_m: 0.001", &depth_key(("width: 32", "width: 32")));
+    fs::write(fixture.path().join("recording.yaml"), text).unwrap();
+    let recording = Recording::open(fixture.path()).unwrap();
+    let message = recording
+        .read_frame(0, recording.frame_sets()[0][0], &mut RgbdFrame::default())
+        .unwrap_err()
+        .to_string();
+    check_words(&message, &fixture.depth_file(0, 0), &["64 x 48", "32 x 24"]);
+}

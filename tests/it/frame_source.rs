@@ -274,7 +274,13 @@ fn synthetic(frame_sets: u64) -> Box<dyn DeviceFactory> {
     let pinhole = Pinhole { fx_px: 150.0, fy_px: 150.0, cx_px: 79.5, cy_px: 59.5 };
     let camera = Camera::try_new((160, 120), pinhole, Distortion::None).unwrap();
     let cameras = [("left", 0.0), ("right", 0.25)].map(|(name, x_m)| SyntheticCamera {
-        info: CameraInfo { name: name.to_owned(), serial: format!("0{name}"), camera, depth_unit_m: 0.001 },
+        info: CameraInfo {
+            name: name.to_owned(),
+            serial: format!("0{name}"),
+            camera,
+            depth_camera: None,
+            depth_unit_m: 0.001,
+        },
         reference_from_camera: Motion::translation(x_m, 0.0, 0.0),
     });
     let options = SyntheticOptions::new(5, cameras.into());

@@ -16,6 +16,7 @@ mod faults;
 mod fixture;
 mod frame_source;
 mod ipc;
+mod lifting;
 mod matching;
 mod packaging;
 mod paper;

@@ -8,7 +8,7 @@ use pelical::capture::writer::{ColorFormat, RecordingWriter};
 use pelical::capture::{CameraInfo, RgbdFrame};
 use pelical::geometry::camera::Pinhole;
 use pelical::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
-use pelical::geometry::{Camera, Distortion};
+use pelical::geometry::{Camera, DepthCamera, Distortion};
 use tempfile::TempDir;
 
 use crate::fixture::Fixture;
@@ -74,7 +74,13 @@ fn every_digit_of_the_intrinsics_survives() {
     let pinhole = Pinhole { fx_px: 1.0 / 3.0 * 1e3, fy_px: 606.1000000000001, cx_px: -1e-9, cy_px: 1e9 };
     let lens = Distortion::BrownConrady { k1: 0.262383, k2: -0.953104, p1: -5.358e-13, p2: 0.0, k3: 1e20 };
     let camera = Camera::try_new((64, 48), pinhole, lens).unwrap();
-    let info = CameraInfo { name: "väder".into(), serial: "007".into(), camera, depth_unit_m: 1.25e-5 };
+    let info = CameraInfo {
+        name: "väder".into(),
+        serial: "007".into(),
+        camera,
+        depth_camera: None,
+        depth_unit_m: 1.25e-5,
+    };
     let (_parent, folder) = new_folder();
     let mut writer = RecordingWriter::create(&folder, std::slice::from_ref(&info), "", "").unwrap();
     let (rgb, depth) = (vec![7; 3 * 64 * 48], vec![9; 64 * 48]);
@@ -167,4 +173,37 @@ fn a_recording_without_a_frame_set_is_not_passed_off_as_one() {
     let (_parent, folder) = new_folder();
     RecordingWriter::create(&folder, original.cameras(), "", "").unwrap().finish().unwrap();
     assert!(Recording::open(&folder).is_err());
+}
+
+#[test]
+fn depth_that_is_not_registered_keeps_its_size_and_geometry() {
+    let pinhole = Pinhole { fx_px: 60.0, fy_px: 60.0, cx_px: 31.5, cy_px: 23.5 };
+    let camera = Camera::try_new((64, 48), pinhole, Distortion::None).unwrap();
+    let lens = Distortion::BrownConrady { k1: 0.1, k2: -0.2, p1: 0.001, p2: 0.0, k3: 0.05 };
+    let imager = Camera::try_new((40, 32), Pinhole { fx_px: 41.25, ..pinhole }, lens).unwrap();
+    let color_from_depth = Motion::translation(-0.0151, 2e-4, 1.0 / 3.0 * 1e-3);
+    let depth_camera = Some(DepthCamera { camera: imager, color_from_depth });
+    let info =
+        CameraInfo { name: "a".into(), serial: "1".into(), camera, depth_camera, depth_unit_m: 0.001 };
+    let frame = RgbdFrame {
+        width: 64,
+        height: 48,
+        rgb: vec![7; 3 * 64 * 48],
+        depth: (0..40 * 32).collect(),
+        depth_camera,
+        depth_unit_m: 0.001,
+        ..RgbdFrame::default()
+    };
+    let (_parent, folder) = new_folder();
+    let mut writer = RecordingWriter::create(&folder, std::slice::from_ref(&info), "", "").unwrap();
+    let registered = RgbdFrame { depth_camera: None, depth: vec![1; 64 * 48], ..frame.clone() };
+    let message = writer.write_set(&[registered]).unwrap_err().to_string();
+    assert!(message.contains("another depth imager"), "{message}");
+    writer.write_set(std::slice::from_ref(&frame)).unwrap();
+    writer.finish().unwrap();
+    let copy = Recording::open(&folder).unwrap();
+    assert_eq!(copy.cameras(), [info]);
+    let read = &frame_sets(&copy)[0][0];
+    assert!(read.depth == frame.depth && read.depth_camera == frame.depth_camera);
+    assert_eq!(read.depth_view().unwrap().width(), 40);
 }

@@ -96,10 +96,12 @@ impl Recording {
         let (info, set_idx) = self.find(camera_idx, stamp)?;
         let camera_folder = self.folder.join(&info.name);
         images::read_color(&camera_folder, stamp, &info.camera, &mut frame.rgb)?;
-        images::read_depth(&camera_folder, stamp, &info.camera, &mut frame.depth)?;
+        let depth_camera = info.depth_camera.as_ref().map_or(&info.camera, |imager| &imager.camera);
+        images::read_depth(&camera_folder, stamp, depth_camera, &mut frame.depth)?;
         frame.stamp = stamp;
         frame.sequence = set_idx as u64;
         frame.depth_unit_m = info.depth_unit_m;
+        frame.depth_camera = info.depth_camera;
         (frame.width, frame.height) = images::size_px(&info.camera);
         Ok(())
     }

@@ -8,9 +8,10 @@ use serde::Deserialize;
 use serde::de::{self, Deserializer, Visitor};
 
 use super::FORMAT;
+use super::truth::{PoseSection, motion};
 use crate::capture::{CameraInfo, StampNs};
 use crate::geometry::camera::Pinhole;
-use crate::geometry::{Camera, Distortion};
+use crate::geometry::{Camera, DepthCamera, Distortion};
 
 /// What `recording.yaml` says, checked.
 #[derive(Debug)]
@@ -52,6 +53,22 @@ struct CameraSection {
     cy: f64,
     distortion: DistortionSection,
     depth_unit_m: f64,
+    depth: Option<DepthSection>,
+}
+
+/// The imager of depth that is not registered.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "the keys of a depth imager")]
+struct DepthSection {
+    registered: bool,
+    width: u32,
+    height: u32,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    distortion: DistortionSection,
+    color_from_depth: PoseSection,
 }
 
 #[derive(Deserialize)]
@@ -172,7 +189,9 @@ impl TryFrom<CameraSection> for CheckedCamera {
         let pinhole = Pinhole { fx_px: fx, fy_px: fy, cx_px: cx, cy_px: cy };
         let camera = Camera::try_new((section.width, section.height), pinhole, distortion)
             .map_err(|error| in_camera(error.to_string()))?;
-        Ok(Self(CameraInfo { name, serial, camera, depth_unit_m }))
+        let depth_camera = section.depth.map(|depth| depth.checked()).transpose();
+        let depth_camera = depth_camera.map_err(|what| in_camera(format!("depth: {what}")))?;
+        Ok(Self(CameraInfo { name, serial, camera, depth_camera, depth_unit_m }))
     }
 }
 
@@ -185,6 +204,37 @@ fn check_folder_name(name: &str) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+/// How far a depth imager may stand from its colour camera, m: they share a housing.
+const MAX_DEPTH_BASELINE_M: f64 = 0.5;
+/// And how far it may be turned, rad.
+const MAX_DEPTH_TURN_RAD: f64 = 0.5;
+
+impl DepthSection {
+    fn checked(&self) -> Result<DepthCamera, String> {
+        if self.registered {
+            return Err(
+                "registered is true; only false is allowed: leave the key `depth` out for registered depth"
+                    .into(),
+            );
+        }
+        let Self { width, height, fx, fy, cx, cy, .. } = *self;
+        let pinhole = Pinhole { fx_px: fx, fy_px: fy, cx_px: cx, cy_px: cy };
+        let camera = Camera::try_new((width, height), pinhole, self.distortion.checked()?)
+            .map_err(|error| error.to_string())?;
+        let color_from_depth =
+            motion(&self.color_from_depth).map_err(|what| format!("color_from_depth: {what}"))?;
+        let (baseline_m, turn_rad) =
+            (color_from_depth.translation.vector.norm(), color_from_depth.rotation.angle());
+        if baseline_m > MAX_DEPTH_BASELINE_M || turn_rad > MAX_DEPTH_TURN_RAD {
+            return Err(format!(
+                "color_from_depth is a shift of {baseline_m:.3} m and a turn of {turn_rad:.3} rad; at most \
+                 {MAX_DEPTH_BASELINE_M} m and {MAX_DEPTH_TURN_RAD} rad are allowed: the two share a housing"
+            ));
+        }
+        Ok(DepthCamera { camera, color_from_depth })
+    }
 }
 
 impl DistortionSection {

@@ -29,7 +29,7 @@ struct TruthSection {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "{translation_m: [...], quaternion_xyzw: [...]}")]
-struct PoseSection {
+pub(super) struct PoseSection {
     translation_m: [f64; 3],
     quaternion_xyzw: [f64; 4],
 }
@@ -59,7 +59,8 @@ pub(super) fn parse_ground_truth(text: &str, names: &[&str]) -> Result<GroundTru
     Ok(GroundTruth { reference_from_camera })
 }
 
-fn motion(pose: &PoseSection) -> Result<Motion, String> {
+/// The motion that a section names; the error says which number is not usable.
+pub(super) fn motion(pose: &PoseSection) -> Result<Motion, String> {
     if let Some(value) = pose.translation_m.iter().find(|value| !value.is_finite()) {
         return Err(format!("translation_m holds {value}; three finite numbers are allowed"));
     }

@@ -183,6 +183,7 @@ fn camera((name, number): (&str, u64), seed: u64, reference_from_camera: Motion)
         name: name.to_owned(),
         serial: format!("synthetic-{number:02}"),
         camera,
+        depth_camera: None,
         depth_unit_m: 0.001,
     };
     SyntheticCamera { info, reference_from_camera }

@@ -60,6 +60,7 @@ impl View {
         let pixels = self.rays.width * self.rays.height;
         (frame.width, frame.height, frame.depth_unit_m) =
             (self.rays.width, self.rays.height, self.depth_unit_m);
+        frame.depth_camera = None;
         frame.rgb.resize(3 * pixels, 0);
         frame.depth.resize(pixels, 0);
         self.rays.cast(scene, world_from_camera);

@@ -1,4 +1,5 @@
 //! Depth readings in a band on both sides of a segment, and robust averages of them in cells.
+use super::sweep::Sweep;
 use crate::geometry::{Camera, RayPoint, Segment};
 use crate::image::DepthView;
 
@@ -19,7 +20,7 @@ const BIN_PX: f64 = 10.0;
 /// Readings a cell keeps for its median.
 const CELL_READINGS: usize = 12;
 /// More than one side of any segment gives: 200 columns of half 17 px, or as many of a longer segment's.
-const MAX_READINGS: usize = 2048;
+pub const MAX_READINGS: usize = 2048;
 /// A cell with fewer readings has no value.
 const MIN_CELL_READINGS: usize = 3;
 
@@ -98,6 +99,15 @@ impl Frame {
         let s = dx * self.share_per_px[0] + dy * self.share_per_px[1];
         (s, dy * self.direction[0] - dx * self.direction[1])
     }
+
+    /// Adds a reading at a pixel to the band it lies in, if any.
+    fn sort_in(&self, bands: &mut [Band; 2], (x, y): (f64, f64), inverse_depth_per_m: f64) {
+        let (s, across_px) = self.locate(x, y);
+        if (0.0..=1.0).contains(&s) && (INNER_PX..OUTER_PX).contains(&across_px.abs()) {
+            let along = s + self.bend * s * (1.0 - s);
+            bands[usize::from(across_px > 0.0)].add((along, across_px), inverse_depth_per_m);
+        }
+    }
 }
 
 /// Where the foot of `point` lies between two rays, as a share.
@@ -117,10 +127,30 @@ fn column_step(length_px: f64) -> usize {
 }
 
 /// Replaces the bands on the left and on the right of `segment`, whose length is positive.
-pub fn read(bands: &mut [Band; 2], segment: &Segment, depth: &DepthView<'_>, camera: &Camera) {
+pub fn read(
+    (bands, sweep): (&mut [Band; 2], &mut Sweep),
+    segment: &Segment,
+    depth: &DepthView<'_>,
+    camera: &Camera,
+) {
     let frame = Frame::new(segment, camera);
     let n_bins = ((frame.length_px / BIN_PX) as usize).clamp(4, MAX_BINS);
     bands.iter_mut().for_each(|band| band.reset(n_bins));
+    match depth.imager() {
+        None => read_registered(bands, &frame, depth),
+        Some(imager) => {
+            let area = (segment, OUTER_PX + 1.0, column_step(frame.length_px));
+            for carried in sweep.read(area, depth, (camera, imager)) {
+                let pixel = carried.pixel;
+                frame.sort_in(bands, (pixel.x, pixel.y), carried.inverse_depth_per_m);
+            }
+        }
+    }
+    bands.iter_mut().for_each(Band::find_medians);
+}
+
+/// Reads the pixels beside the segment.
+fn read_registered(bands: &mut [Band; 2], frame: &Frame, depth: &DepthView<'_>) {
     let along_x = frame.direction[0].abs() >= frame.direction[1].abs();
     let [major, minor] = if along_x { [0, 1] } else { [1, 0] };
     let slope = frame.direction[minor] / frame.direction[major];
@@ -134,15 +164,11 @@ pub fn read(bands: &mut [Band; 2], segment: &Segment, depth: &DepthView<'_>, cam
         let first_v = middle - reach + (u + middle - reach).rem_euclid(2);
         for v in (first_v..=middle + reach).step_by(2) {
             let (x, y) = if along_x { (u, v) } else { (v, u) };
-            let (s, across_px) = frame.locate(x as f64, y as f64);
-            let inside = (0.0..=1.0).contains(&s) && (INNER_PX..OUTER_PX).contains(&across_px.abs());
-            if let (true, Some(depth_m)) = (inside, depth.depth_m(x, y)) {
-                let along = s + frame.bend * s * (1.0 - s);
-                bands[usize::from(across_px > 0.0)].add((along, across_px), 1.0 / depth_m);
+            if let Some(depth_m) = depth.depth_m(x, y) {
+                frame.sort_in(bands, (x as f64, y as f64), 1.0 / depth_m);
             }
         }
     }
-    bands.iter_mut().for_each(Band::find_medians);
 }
 
 impl Band {

@@ -1,6 +1,6 @@
 //! Exact depth images with known planes, and seeded noise with the correlations of a stereo camera.
 use super::*;
-use crate::geometry::{Distortion, PixelPoint, camera::Pinhole};
+use crate::geometry::{DepthCamera, Distortion, PixelPoint, camera::Pinhole, motion::Motion};
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
@@ -218,5 +218,141 @@ fn the_covariance_is_honest_for_markings_creases_and_steps() {
             // A scale within 20 %.
             assert!((0.64..1.44).contains(&mean_square), "{name} of {length_px} px: {mean_square}");
         }
+    }
+}
+
+/// Inverse depth of a step whose near side spreads by `bleed_px`, with holes of `hole_px` behind it.
+fn bled_step(near_is_left: bool, bleed_px: f64, hole_px: f64) -> Vec<u16> {
+    depth_image(move |x, y| {
+        let behind_px = if near_is_left { x - edge_x(y) } else { edge_x(y) - x };
+        match behind_px {
+            px if px < bleed_px => 0.9 + 0.0005 * y + 0.0008 * px.min(0.0),
+            px if px < bleed_px + hole_px => 0.0,
+            _ => 0.4,
+        }
+    })
+}
+
+#[test]
+fn bleeding_and_holes_along_a_step_do_not_bias_the_nearer_side() {
+    for near_is_left in [true, false] {
+        for (bleed_px, hole_px) in [(1.0, 0.0), (2.4, 2.0), (4.0, 0.0), (4.0, 5.0)] {
+            let depth = lift_one(segment(DOWN.0, DOWN.1), &bled_step(near_is_left, bleed_px, hole_px));
+            let case = format!("near on the left {near_is_left}, {bleed_px} px bled, {hole_px} px of holes");
+            let depth = depth.expect("near depth");
+            // The right hand of a segment that runs down is the image's left.
+            assert_eq!(depth.side, if near_is_left { EdgeSide::Right } else { EdgeSide::Left }, "{case}");
+            for (inverse_depth_per_m, y) in depth.inverse_depth_per_m.into_iter().zip([120.0, 300.0]) {
+                let error = inverse_depth_per_m - 0.9 - 0.0005 * y;
+                assert!(error.abs() < 5e-4, "{case}: {error} at row {y}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_thin_bar_before_a_wall_is_the_owner_of_its_edges() {
+    for (width_px, bleed_px) in [(3.0, 0.0), (3.0, 2.4), (5.0, 1.0), (6.0, 4.0)] {
+        let bar = depth_image(|x, y| {
+            let px = x - edge_x(y);
+            if (-bleed_px..width_px + bleed_px).contains(&px) { 0.9 + 0.0003 * y } else { 0.4 }
+        });
+        let depth = lift_one(segment(DOWN.0, DOWN.1), &bar).expect("the bar's depth");
+        assert_eq!(depth.side, EdgeSide::Left, "{width_px} px wide, {bleed_px} px bled");
+        for (inverse_depth_per_m, y) in depth.inverse_depth_per_m.into_iter().zip([120.0, 300.0]) {
+            let error = inverse_depth_per_m - 0.9 - 0.0003 * y;
+            assert!(error.abs() < 2e-3, "{width_px} px wide, {bleed_px} px bled: {error}");
+        }
+    }
+}
+
+#[test]
+fn a_strip_of_depth_between_holes_is_enough() {
+    let strip = depth_image(|x, y| if (0.0..5.0).contains(&(x - edge_x(y))) { 0.6 + 0.0004 * y } else { 0.0 });
+    let depth = lift_one(segment(DOWN.0, DOWN.1), &strip).expect("the strip");
+    assert_eq!(depth.side, EdgeSide::Left);
+    assert!((depth.inverse_depth_per_m[0] - 0.648).abs() < 1e-3, "{:?}", depth.inverse_depth_per_m);
+}
+
+#[test]
+fn a_marking_beside_something_nearer_belongs_to_the_wall() {
+    // The nearer surface begins four pixels from the edge.
+    let beside = depth_image(|x, y| if x < edge_x(y) - 4.0 { 0.8 } else { 0.5 + 0.0002 * y });
+    let depth = lift_one(segment(DOWN.0, DOWN.1), &beside).expect("the wall");
+    assert_eq!(depth.side, EdgeSide::Both);
+    assert!((depth.inverse_depth_per_m[0] - 0.524).abs() < 2e-3, "{:?}", depth.inverse_depth_per_m);
+}
+
+#[test]
+fn a_surface_that_does_not_reach_the_edge_is_not_taken_for_its_owner() {
+    let apart = depth_image(|x, y| if x > edge_x(y) + 3.5 { 0.8 } else { 0.0 });
+    assert_eq!(lift_one(segment(DOWN.0, DOWN.1), &apart), None);
+}
+
+/// An imager of another size and lens, beside the colour camera and slightly turned.
+fn imager() -> DepthCamera {
+    let pinhole = Pinhole { fx_px: 390.0, fy_px: 391.0, cx_px: 318.0, cy_px: 238.0 };
+    let lens = Distortion::BrownConrady { k1: 0.05, k2: -0.05, p1: 0.0005, p2: 0.0, k3: 0.0 };
+    let camera = Camera::try_new((WIDTH as u32, HEIGHT as u32), pinhole, lens).expect("valid intrinsics");
+    let turn = nalgebra::UnitQuaternion::from_euler_angles(0.004, -0.006, 0.01);
+    DepthCamera { camera, color_from_depth: Motion::from_parts([-0.05, 0.001, 0.002].into(), turn) }
+}
+
+/// What the imager sees of a board, 1 m from the colour camera and left of x = 0.05 m, before a tilted wall.
+fn unregistered_counts() -> Vec<u16> {
+    let imager = imager();
+    let origin = imager.color_from_depth * nalgebra::Point3::origin();
+    (0..WIDTH * HEIGHT)
+        .map(|i| {
+            let pixel = PixelPoint { x: (i % WIDTH) as f64, y: (i / WIDTH) as f64 };
+            let direction = imager.point_in_color(pixel, 1.0) - origin;
+            let to_board = (1.0 - origin.z) / direction.z;
+            let to_wall = (2.0 - origin.z - 0.3 * origin.x) / (direction.z + 0.3 * direction.x);
+            let depth_m = if origin.x + to_board * direction.x < 0.05 { to_board } else { to_wall };
+            (depth_m / UNIT_M).round() as u16
+        })
+        .collect()
+}
+
+fn lift_unregistered(ends: [nalgebra::Point3<f64>; 2], counts: &[u16]) -> Option<DepthFit> {
+    let depth = DepthView::try_new(counts, (WIDTH, HEIGHT), WIDTH, UNIT_M).expect("fits");
+    let [start, end] = ends.map(|end| camera().project(&end).expect("in front"));
+    let mut lines = Vec::new();
+    let segment = Segment { start, end, sigma_across_px: 0.1 };
+    Lifter::new(LiftOptions::default()).lift(&[segment], &depth.measured_by(imager()), &camera(), &mut lines);
+    lines[0].depth
+}
+
+#[test]
+fn depth_of_an_imager_of_its_own_is_looked_up_through_its_geometry() {
+    let counts = unregistered_counts();
+    let board = [(0.05, -0.3), (0.05, 0.25)].map(|(x, y)| nalgebra::Point3::new(x, y, 1.0));
+    let depth = lift_unregistered(board, &counts).expect("the board");
+    // The segment runs down, and the board is on the image's left.
+    assert_eq!(depth.side, EdgeSide::Right);
+    for inverse_depth_per_m in depth.inverse_depth_per_m {
+        assert!((inverse_depth_per_m - 1.0).abs() < 1e-3, "{inverse_depth_per_m}");
+    }
+    let wall = [(0.4, -0.2), (0.7, 0.3)].map(|(x, y)| nalgebra::Point3::new(x, y, 2.0 - 0.3 * x));
+    let depth = lift_unregistered(wall, &counts).expect("the wall");
+    assert_eq!(depth.side, EdgeSide::Both);
+    for (inverse_depth_per_m, end) in depth.inverse_depth_per_m.into_iter().zip(wall) {
+        assert!((inverse_depth_per_m * end.z - 1.0).abs() < 1e-3, "{inverse_depth_per_m} at {end}");
+    }
+}
+
+#[test]
+fn what_only_the_depth_imager_sees_behind_an_edge_is_hidden() {
+    // The imager stands on the left: to the right of the board's edge it sees less of the wall than the colour camera; to the
+    // left of the edge the colour camera sees the board, whatever the wall's readings land there.
+    let counts = unregistered_counts();
+    let depth = DepthView::try_new(&counts, (WIDTH, HEIGHT), WIDTH, UNIT_M).expect("fits");
+    let mut samples = Vec::new();
+    crate::lines::sample_surface(&depth.measured_by(imager()), &camera(), &mut samples);
+    assert!(samples.len() > 500, "{} samples", samples.len());
+    for sample in &samples {
+        let ray = camera().ray_from_pixel(sample.pixel);
+        let expected = if ray.x < 0.05 { 1.0 } else { (1.0 + 0.3 * ray.x) / 2.0 };
+        assert!((sample.inverse_depth_per_m - expected).abs() < 0.01, "{sample:?}, expected {expected}");
     }
 }

@@ -73,6 +73,7 @@ pub fn rig(names: &[&str]) -> (Vec<CameraSlot>, Vec<Arc<Control>>) {
             name: (*name).to_owned(),
             serial: serial.clone(),
             camera: intrinsics(),
+            depth_camera: None,
             depth_unit_m: 0.001,
         };
         let factory = FakeFactory { info, index, control: Arc::clone(&control), start };
