@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::association_choice::AssociationChoice;
 use crate::ipc::InstanceName;
-use crate::pipeline::Association;
 
 /// Calibrates the cameras of a robot against each other while it runs, and publishes the result over shared memory.
 #[derive(Debug, Parser)]
@@ -106,42 +106,6 @@ pub struct EvaluateArgs {
     /// Form of the answer.
     #[command(flatten)]
     pub output: Output,
-}
-
-/// A source of candidate matches.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum AssociationChoice {
-    /// Geometry alone.
-    Geometric,
-    /// Descriptors.
-    Descriptor,
-    /// The learned matcher of the config file's section `matcher`.
-    Onnx,
-    /// All that there are.
-    Auto,
-}
-
-impl AssociationChoice {
-    /// Its name in arguments and documents.
-    pub fn name(self) -> &'static str {
-        match self {
-            AssociationChoice::Geometric => "geometric",
-            AssociationChoice::Descriptor => "descriptor",
-            AssociationChoice::Onnx => "onnx",
-            AssociationChoice::Auto => "auto",
-        }
-    }
-}
-
-impl From<AssociationChoice> for Association {
-    fn from(choice: AssociationChoice) -> Self {
-        match choice {
-            AssociationChoice::Geometric => Association::Geometric,
-            AssociationChoice::Descriptor => Association::Descriptor,
-            AssociationChoice::Onnx => Association::Onnx,
-            AssociationChoice::Auto => Association::Auto,
-        }
-    }
 }
 
 /// `solve`.
@@ -256,30 +220,6 @@ pub struct MatchArgs {
     /// Form of the answer.
     #[command(flatten)]
     pub output: Output,
-}
-
-/// What `--association` asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum AssociationChoice {
-    /// Descriptors, and the learned matcher where the config names its models.
-    Auto,
-    /// No appearance: the lines that the estimator's pose explains, where it converges on the whole recording.
-    Geometric,
-    /// Descriptors.
-    Descriptor,
-    /// The learned matcher.
-    Onnx,
-}
-
-impl From<AssociationChoice> for Association {
-    fn from(choice: AssociationChoice) -> Self {
-        match choice {
-            AssociationChoice::Auto => Association::Auto,
-            AssociationChoice::Geometric => Association::Geometric,
-            AssociationChoice::Descriptor => Association::Descriptor,
-            AssociationChoice::Onnx => Association::Onnx,
-        }
-    }
 }
 
 /// `bench`.

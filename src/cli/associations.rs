@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::args::{AssociationChoice, EvaluateArgs};
+use super::args::EvaluateArgs;
+use super::association_choice::AssociationChoice;
 use super::calibrate::calibrate;
 use super::error::CliError;
 use super::evaluate::{WRONG_BEYOND_DEG, WRONG_BEYOND_MM};

@@ -1,6 +1,7 @@
 //! The client's commands: each does one thing, prints one document, and ends with one exit code.
 
 pub mod args;
+pub mod association_choice;
 mod associations;
 mod bench;
 mod calibrate;

@@ -268,7 +268,8 @@ fn a_thin_bar_before_a_wall_is_the_owner_of_its_edges() {
 
 #[test]
 fn a_strip_of_depth_between_holes_is_enough() {
-    let strip = depth_image(|x, y| if (0.0..5.0).contains(&(x - edge_x(y))) { 0.6 + 0.0004 * y } else { 0.0 });
+    let strip =
+        depth_image(|x, y| if (0.0..5.0).contains(&(x - edge_x(y))) { 0.6 + 0.0004 * y } else { 0.0 });
     let depth = lift_one(segment(DOWN.0, DOWN.1), &strip).expect("the strip");
     assert_eq!(depth.side, EdgeSide::Left);
     assert!((depth.inverse_depth_per_m[0] - 0.648).abs() < 1e-3, "{:?}", depth.inverse_depth_per_m);
