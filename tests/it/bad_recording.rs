@@ -351,7 +351,11 @@ fn depth_key(changed: (&str, &str)) -> String {
 #[test]
 fn a_depth_imager_that_cannot_be_is_refused() {
     let cases: [(&str, &str, &[&str]); 9] = [
-        ("registered: false", "registered: true", &["depth", "registered is true", "leave the key `depth` out"]),
+        (
+            "registered: false",
+            "registered: true",
+            &["depth", "registered is true", "leave the key `depth` out"],
+        ),
         ("width: 32", "width: 0", &["\"left\"", "depth", "0 x 24"]),
         ("fx: 30", "fx: .nan", &["depth", "fx is NaN"]),
         ("model: none", "model: fisheye", &["depth", "fisheye"]),

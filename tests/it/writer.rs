@@ -183,8 +183,7 @@ fn depth_that_is_not_registered_keeps_its_size_and_geometry() {
     let imager = Camera::try_new((40, 32), Pinhole { fx_px: 41.25, ..pinhole }, lens).unwrap();
     let color_from_depth = Motion::translation(-0.0151, 2e-4, 1.0 / 3.0 * 1e-3);
     let depth_camera = Some(DepthCamera { camera: imager, color_from_depth });
-    let info =
-        CameraInfo { name: "a".into(), serial: "1".into(), camera, depth_camera, depth_unit_m: 0.001 };
+    let info = CameraInfo { name: "a".into(), serial: "1".into(), camera, depth_camera, depth_unit_m: 0.001 };
     let frame = RgbdFrame {
         width: 64,
         height: 48,
