@@ -29,8 +29,10 @@ const MIN_INLIERS: f64 = 12.0;
 const GATE_SIGMAS: f64 = 3.0;
 /// The same for the median of a cell, which has less deviation than a reading.
 const CELL_GATE_SIGMAS: f64 = 2.0;
-/// Zones that are looked at again where what most of a side shows does not reach the edge.
+/// Zones over which depth bleeds; they are looked at again where what most of a side shows does not reach the edge.
 const INNER_ZONES: usize = 2;
+/// Least share of the zones beyond for another surface there.
+const MIN_BEYOND: f64 = 0.7;
 /// How far the noise of a surface may lie from the sensor's model, as a factor.
 const SIGMA_RANGE: [f64; 2] = [0.4, 1.8];
 /// A median of absolute values times this is the deviation of normal errors.
@@ -187,7 +189,8 @@ impl Lifter {
         let surface = self.fit_side(side, length_px)?;
         let reach = surface.agreement.reach(self.bands[0].n_bins);
         if reach != Reach::Short {
-            return Some(AtEdge { surface, beyond: Beyond::Same, is_sure: reach == Reach::Edge });
+            let beyond = self.beyond(&surface.fit.plane());
+            return Some(AtEdge { surface, beyond, is_sure: reach == Reach::Edge });
         }
         // What most of the side shows lies farther out: look again, beside the edge.
         let outer = surface.fit.plane();
@@ -200,6 +203,22 @@ impl Lifter {
         let is_nearer = outer.mean_per_m() > surface.fit.plane().mean_per_m();
         let beyond = if is_nearer { Beyond::Nearer } else { Beyond::Farther };
         (reach != Reach::Short).then_some(AtEdge { surface, beyond, is_sure: reach == Reach::Edge })
+    }
+
+    /// What the cells in work show beyond the zones where depth bleeds.
+    fn beyond(&self, plane: &Plane) -> Beyond {
+        let tolerance_per_m = CELL_GATE_SIGMAS * self.model_per_m(plane.mean_per_m());
+        let outer =
+            || self.cells.iter().filter(|cell| cell.zone() >= INNER_ZONES).map(|cell| plane.residual(cell));
+        let least = MIN_BEYOND * outer().count() as f64;
+        let is_most = |n: usize| n > 0 && n as f64 >= least;
+        if is_most(outer().filter(|residual_per_m| *residual_per_m < -tolerance_per_m).count()) {
+            Beyond::Farther
+        } else if is_most(outer().filter(|residual_per_m| *residual_per_m > tolerance_per_m).count()) {
+            Beyond::Nearer
+        } else {
+            Beyond::Same
+        }
     }
 
     /// Standard deviation of a reading before the residuals are known, 1/m.

