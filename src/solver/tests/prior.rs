@@ -87,7 +87,8 @@ fn look_alikes_that_agree_propose_the_pose_and_are_believed() {
     let mut random = Random::named("agreeing look-alikes");
     let room = room(&mut random, 60);
     let scene = scene(&mut random, &room, &side_by_side(), 4);
-    let evidence = evidence(&scene, |idx| scores(&mut random, &scene.edges[idx], 0.7));
+    // Of the false ones some are of lines that only one camera sees.
+    let evidence = evidence(&scene, |idx| scores(&mut random, &scene.edges[idx], 0.9));
     let prior = prior(&PairEvidence { evidence: &evidence, target: 0, source: 1 }, 1.5);
     assert!(prior.is_certain(), "{prior:?}");
     let gap = (
@@ -162,7 +163,7 @@ fn near_under(views: &[Option<CameraView>], target_from_source: &Motion) -> Vec<
 #[test]
 fn scores_follow_their_lines_when_a_view_is_cut_to_its_best() {
     let mut random = Random::named("cut views");
-    let room = room(&mut random, 80);
+    let room = room(&mut random, 300);
     let scene = scene(&mut random, &room, &side_by_side(), 1);
     let mut evidence = Evidence::new(EvidenceLimits { max_lines_per_view: 10, max_sets: 80 });
     assert!(evidence.add(&scene.sets[0]), "a first set is new");
@@ -175,6 +176,7 @@ fn scores_follow_their_lines_when_a_view_is_cut_to_its_best() {
     matches.push(ScoredMatch { target: 0, source: 0, nats: f64::NAN });
     evidence.score_newest(&[PairScores { target: 0, source: 1, matches }]);
     let candidates = PairEvidence { evidence: &evidence, target: 0, source: 1 }.candidates(10.0);
+    assert!(n[0] > 10 && n[1] > 10, "{n:?} lines: none would be cut");
     assert_eq!(candidates.len(), 100, "ten by ten lines are kept");
     for candidate in &candidates {
         let lines = |camera: usize| &evidence.sets[0].views[camera].as_ref().expect("a view").lines;
