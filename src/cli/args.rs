@@ -191,7 +191,7 @@ pub struct ExperimentArgs {
 /// `match`.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
-A match is a target line and a source line that are each other's best candidate and likelier one edge than two: with a score above ln n \
+A match is a target line and a source line that are each other's best candidate and twice as likely one edge as two: with a score above ln 2n \
 nats, where n is the larger number of lines of the two images.
 
 With ground truth each match is judged by geometry: the lifted line, moved by the true pose, lies on the other segment within 3 px and \
@@ -211,8 +211,8 @@ pub struct MatchArgs {
     /// Who proposes matches, instead of what the config says.
     #[arg(long, value_enum)]
     pub association: Option<AssociationChoice>,
-    /// Leave out shorter segments, px.
-    #[arg(long, value_name = "PX", default_value = "0", value_parser = length_px)]
+    /// Leave out shorter segments, px; 0 takes all that the detector finds.
+    #[arg(long, value_name = "PX", default_value = "60", value_parser = length_px)]
     pub min_length_px: f64,
     /// Config file whose sections `lines`, `estimate` and `matcher` are used.
     #[arg(long, value_name = "FILE")]

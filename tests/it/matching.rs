@@ -51,7 +51,9 @@ fn check_set(set: &Value) {
 
 #[test]
 fn the_document_has_segments_lines_and_judged_matches_of_every_set() {
-    let document = run(&["match", folder(), "--association", "descriptor", "--json"]).expect_code(0).json();
+    let document = run(&["match", folder(), "--association", "descriptor", "--min-length-px", "0", "--json"])
+        .expect_code(0)
+        .json();
     let expected = [
         "association",
         "counts",

@@ -78,7 +78,6 @@ impl MatchedSet {
 /// When the config, the recording or an argument is not usable, or the picture cannot be written.
 pub fn run(args: &MatchArgs) -> Result<(), CliError> {
     let mut options = config::load_or_default(args.config.as_deref())?.pipeline;
-    options.detect.min_length_px = options.detect.min_length_px.max(args.min_length_px);
     if let Some(choice) = args.association {
         options.associate.association = choice.into();
     }
@@ -86,6 +85,8 @@ pub fn run(args: &MatchArgs) -> Result<(), CliError> {
     let sets = chosen_sets(&recording, args.set)?;
     let truth = recording.ground_truth()?;
     let mut proposer = Proposer::new(&recording, &options)?;
+    // Not before: who calibrates first needs every line.
+    options.detect.min_length_px = options.detect.min_length_px.max(args.min_length_px);
     let bar = progress::bar(Some(sets.len() as u64), "frame sets");
     let (mut entries, mut richest) = (Vec::new(), None::<MatchedSet>);
     for set in sets {
