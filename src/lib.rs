@@ -54,3 +54,4 @@ pub mod lines;
 pub mod pipeline;
 pub mod service;
 pub mod solver;
+pub mod store;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use pelical::geometry::motion::Motion;
 use pelical::ipc::{
     Activity, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, Client,
-    ClientError, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage, RefusalCode, Request,
-    RequestKind, Response, Server, ServerError, Skew, Snapshot, StageLatency,
+    ClientError, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage, Provenance,
+    RefusalCode, Request, RequestKind, Response, Server, ServerError, Skew, Snapshot, StageLatency,
 };
 use pelical::solver::{CameraPose, Reason, ReasonCode, RigCalibration, State};
 
@@ -27,10 +27,12 @@ fn calibration(sequence: u64) -> CalibrationMessage {
     let pose =
         |motion| Some(CameraPose { reference_from_camera: motion, covariance: nalgebra::Matrix6::zeros() });
     let turned = Motion::new(nalgebra::Vector3::new(0.3, -0.1, 0.02), nalgebra::Vector3::new(0.0, 1.2, 0.0));
-    let identity = |name: &str| CameraIdentity { name: name.to_owned(), serial: "0123".to_owned() };
+    let identity =
+        |name: &str| CameraIdentity { name: name.to_owned(), serial: "0123".to_owned(), firmware: None };
     CalibrationMessage {
         sequence,
         stamp_ns: 1_800_000_000_000_000_000,
+        provenance: Provenance { id: Some(sequence), ..Provenance::default() },
         cameras: vec![identity("left"), identity("right")],
         calibration: RigCalibration {
             state: State::Converged,
@@ -83,6 +85,9 @@ fn snapshot() -> Snapshot {
         reason: Some(Reason { code: ReasonCode::NotEnoughEvidence, sentence: "3 lines so far".to_owned() }),
         watch: None,
         calibration_sequence: 0,
+        calibration_id: None,
+        calibration_stamp_ns: None,
+        store_fault: None,
         uptime_ns: 7,
         frame_sets_used: 2,
         cameras: 2,
@@ -95,6 +100,10 @@ fn answer(request: Request) -> Response {
     let outcome = match request.kind {
         RequestKind::Status => Outcome::Accepted,
         RequestKind::Recalibrate => Outcome::Busy,
+        RequestKind::Rollback => Outcome::Refused {
+            code: RefusalCode::UnknownCalibration,
+            sentence: format!("no calibration {}", request.calibration),
+        },
         RequestKind::Cancel => Outcome::Refused {
             code: RefusalCode::NothingToCancel,
             sentence: "no calibration runs: nothing to cancel".to_owned(),

@@ -1,12 +1,15 @@
 //! What the client prints: JSON documents for scripts, text for people. stdout is for these alone.
 
 pub mod document;
+pub mod export;
+pub mod history;
 pub mod moved;
 pub mod solve;
 pub mod status;
 #[cfg(test)]
 mod tests;
 pub mod text;
+pub mod time;
 pub mod words;
 
 use std::io::{self, Write};

@@ -74,14 +74,23 @@ impl CamerasConfig {
     /// # Errors
     /// When there is none, or the reference is not among them.
     pub fn rig(&self, factory: &dyn DeviceFactory) -> Result<Vec<CameraChoice>, RigError> {
-        let mut rig = self.list.clone();
-        if rig.is_empty() {
-            let choice = |info: CameraInfo| CameraChoice { name: info.name, serial: info.serial };
-            rig = factory.list()?.into_iter().map(choice).collect();
+        if let Some(listed) = self.listed() {
+            return listed;
         }
+        let choice = |info: CameraInfo| CameraChoice { name: info.name, serial: info.serial };
+        let rig: Vec<CameraChoice> = factory.list()?.into_iter().map(choice).collect();
         if rig.is_empty() {
             return Err(RigError::NoCamera { backend: factory.name() });
         }
+        self.reference_first(rig)
+    }
+
+    /// The rig where the config lists its cameras, so that the back end need not be asked; `None` where it does not.
+    pub fn listed(&self) -> Option<Result<Vec<CameraChoice>, RigError>> {
+        (!self.list.is_empty()).then(|| self.reference_first(self.list.clone()))
+    }
+
+    fn reference_first(&self, mut rig: Vec<CameraChoice>) -> Result<Vec<CameraChoice>, RigError> {
         let texts = rig.iter().flat_map(|camera| [&camera.name, &camera.serial]);
         if let Some(text) = texts.into_iter().find(|text| text.len() > MAX_NAME_BYTES) {
             return Err(RigError::TooLong { text: text.clone() });

@@ -10,6 +10,7 @@ mod faults;
 mod locate;
 mod sections;
 mod serial;
+mod store;
 mod synthetic;
 #[cfg(test)]
 mod tests;
@@ -24,6 +25,7 @@ pub use estimator::EstimatorName;
 pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
+pub use store::{StoreConfig, StoreSection};
 pub use synthetic::MoveEntry;
 pub use watch::{OnMoved, WatchSection};
 

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::estimator::EstimatorName;
 use super::faults::FaultsSection;
 use super::serial::Serial;
+use super::store::StoreSection;
 use super::synthetic::MoveEntry;
 use super::watch::WatchSection;
 use crate::capture::synthetic::SyntheticOptions;
@@ -36,6 +37,8 @@ pub struct ConfigFile {
     pub estimate: EstimateSection,
     /// After a result.
     pub watch: WatchSection,
+    /// Where results are kept.
+    pub store: StoreSection,
 }
 
 impl Default for ConfigFile {
@@ -48,6 +51,7 @@ impl Default for ConfigFile {
             lines: LinesSection::default(),
             estimate: EstimateSection::default(),
             watch: WatchSection::default(),
+            store: StoreSection::default(),
         }
     }
 }
