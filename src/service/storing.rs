@@ -3,6 +3,9 @@
 //! The history is in memory and on disk. Clients are answered from memory; a thread of its own writes, so that a slow or broken disk
 //! delays nobody. A fault of the disk is logged and shown in the status, and the daemon goes on.
 
+#[cfg(test)]
+mod tests;
+
 use std::time::Duration;
 
 use super::config::StoreConfig;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use pelical::geometry::motion::Motion;
 use pelical::ipc::{
-    Activity, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, Client,
+    Activity, Archived, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, Client,
     ClientError, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage, Provenance,
     RefusalCode, Request, RequestKind, Response, Server, ServerError, Skew, Snapshot, StageLatency,
 };
@@ -112,6 +112,14 @@ fn answer(request: Request) -> Response {
     Response { outcome, snapshot: snapshot() }
 }
 
+/// A history of calibrations 1 to 40.
+fn archived_below(below: u64) -> Archived {
+    match below.min(41) {
+        0 | 1 => Archived::NoOlder,
+        below => Archived::Found(Box::new(calibration(below - 1))),
+    }
+}
+
 type Job = Box<dyn FnOnce(&Server) + Send>;
 
 /// A daemon's IPC thread: polls, and does the jobs of the test in between. Ends when dropped.
@@ -133,6 +141,7 @@ impl Daemon {
                     Ok(job) => job(&server),
                     Err(mpsc::TryRecvError::Empty) => {
                         server.poll(Duration::from_millis(20), answer).expect("polling works");
+                        server.poll_archive(archived_below).expect("polling works");
                     }
                     Err(mpsc::TryRecvError::Disconnected) => return,
                 }
@@ -195,6 +204,29 @@ fn each_kind_of_request_gets_its_typed_answer() {
     assert_eq!(client.recalibrate(PLENTY).expect("answered").outcome, Outcome::Busy);
     let refused = client.cancel(PLENTY).expect("answered").outcome;
     assert!(matches!(refused, Outcome::Refused { code: RefusalCode::NothingToCancel, .. }), "{refused:?}");
+}
+
+#[test]
+fn a_whole_history_comes_newest_first_to_several_clients_at_once() {
+    let instance = unique_instance();
+    let _daemon = Daemon::start(&instance);
+    let read = |mut client: Client| {
+        let (mut found, mut below) = (Vec::new(), u64::MAX);
+        while let Archived::Found(message) = client.archived_below(below, PLENTY).expect("answered") {
+            below = message.provenance.id.expect("kept");
+            found.push(below);
+        }
+        assert_eq!(found, (1..=40).rev().collect::<Vec<_>>());
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| read(Client::connect(&instance).expect("the daemon runs")));
+        }
+    });
+    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let refused = client.rollback(7, PLENTY).expect("answered").outcome;
+    let code = RefusalCode::UnknownCalibration;
+    assert_eq!(refused, Outcome::Refused { code, sentence: "no calibration 7".to_owned() });
 }
 
 #[test]

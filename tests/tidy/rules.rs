@@ -3,7 +3,7 @@
 use crate::source::{NamedPath, TextFile, paths, words};
 
 /// Who may use whom: a module and what it may name of this crate besides itself; `bin` stands for the two programs.
-pub const USES: [(&str, &[&str]); 10] = [
+pub const USES: [(&str, &[&str]); 11] = [
     ("geometry", &[]),
     ("image", &["geometry"]),
     ("lines", &["geometry", "image"]),
@@ -11,7 +11,8 @@ pub const USES: [(&str, &[&str]); 10] = [
     ("capture", &["geometry", "image"]),
     ("pipeline", &["geometry", "image", "lines", "solver", "capture"]),
     ("ipc", &["geometry", "solver"]),
-    ("service", &["geometry", "lines", "solver", "capture", "pipeline", "ipc"]),
+    ("store", &["geometry", "solver"]),
+    ("service", &["geometry", "lines", "solver", "capture", "pipeline", "ipc", "store"]),
     (
         "cli",
         &["geometry", "solver", "capture", "pipeline", "ipc", "service::config", "service::ServiceError"],

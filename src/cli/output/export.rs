@@ -4,6 +4,9 @@
 //! x forward, y left, z up (REP-103). Frame names follow the RealSense driver of ROS: `<camera>_color_optical_frame`,
 //! `<camera>_color_frame`.
 
+#[cfg(test)]
+mod tests;
+
 use std::fmt::Write as _;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
@@ -97,7 +100,7 @@ fn heading(message: &CalibrationMessage) -> String {
 
 /// Text that ends no comment, neither of YAML nor of XML.
 fn plain_line(text: &str) -> String {
-    text.replace(|c: char| c.is_control(), " ").replace("--", "- -")
+    text.replace(|c: char| c.is_control(), " ").replace("--", "- - ")
 }
 
 /// The layout of `ground_truth.yaml` of a recording.

@@ -17,7 +17,7 @@ fn a_file_is_yaml_that_people_can_read() {
     assert_eq!(value["cameras"][0]["name"].as_str(), Some("left"));
     assert_eq!(value["cameras"][0]["serial"].as_str(), Some("0123"), "text, not a number");
     assert_eq!(value["cameras"][1]["firmware"].as_str(), Some("5.16.0.1"));
-    assert_eq!(value["pairs"][0]["line_residuals"].as_sequence().map(Vec::len), Some(60));
+    assert_eq!(value["pairs"][0]["line_residuals"].as_sequence().map(Vec::len), Some(4));
     assert_eq!(value["restored"]["from"].as_u64(), Some(1));
 }
 
@@ -61,13 +61,10 @@ fn a_right_checksum_over_nonsense_is_refused_by_the_name_of_the_key() {
     check_refused("residual_m: 0.004", "residual_m: .nan", "finite");
     check_refused("matches: 73", "matches: many", "matches");
     check_refused("version: 0.1.0", "versions: 0.1.0", "versions");
-    check_refused("3.3333333333333335e-7", "-3.3333333333333335e-7", "no variance negative");
+    check_refused("3.333333333333333e-7", "-3.333333333333333e-7", "no variance negative");
     check_refused("-2e-7", "-3e-7", "symmetric");
-    check_refused(
-        "- 0.0\n    - 0.0\n    - 0.0\n    rotation_xyzw",
-        "- 0.0\n    - .inf\n    - 0.0\n    rotation_xyzw",
-        "unit quaternion",
-    );
+    check_refused("translation_m:\n    - 0.0", "translation_m:\n    - .inf", "unit quaternion");
+    check_refused("    - 1.0\n", "    - 1.1\n", "unit quaternion");
 }
 
 #[test]
