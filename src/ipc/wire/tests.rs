@@ -128,13 +128,16 @@ fn response(outcome: Outcome) -> Response {
 
 #[test]
 fn the_layouts_are_frozen() {
-    assert_eq!(size_of::<CalibrationWire>(), 82_224);
-    assert_eq!(offset_of!(CalibrationWire, reason), 48);
-    assert_eq!(offset_of!(CalibrationWire, cameras), 560);
-    assert_eq!(offset_of!(CalibrationWire, pairs), 560 + 16 * 424);
-    assert_eq!(size_of::<CameraWire>(), 424);
-    assert_eq!(offset_of!(CameraWire, reference_from_camera), 80);
-    assert_eq!(offset_of!(CameraWire, covariance), 136);
+    assert_eq!(size_of::<CalibrationWire>(), 82_856);
+    assert_eq!(offset_of!(CalibrationWire, id), 48);
+    assert_eq!(offset_of!(CalibrationWire, made_by), 64);
+    assert_eq!(offset_of!(CalibrationWire, config_hash), 100);
+    assert_eq!(offset_of!(CalibrationWire, reason), 168);
+    assert_eq!(offset_of!(CalibrationWire, cameras), 680);
+    assert_eq!(offset_of!(CalibrationWire, pairs), 680 + 16 * 456);
+    assert_eq!(size_of::<CameraWire>(), 456);
+    assert_eq!(offset_of!(CameraWire, reference_from_camera), 112);
+    assert_eq!(offset_of!(CameraWire, covariance), 168);
     assert_eq!(size_of::<PairWire>(), 624);
     assert_eq!(offset_of!(PairWire, residual_px), 32);
     assert_eq!(offset_of!(PairWire, lead), 48);
@@ -142,16 +145,18 @@ fn the_layouts_are_frozen() {
     assert_eq!(size_of::<ProgressWire>(), 240);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 88);
     assert_eq!(offset_of!(ProgressWire, cameras), 112);
-    assert_eq!(size_of::<HealthWire>(), 32 + 336 + 16 * 72 + 8 * 64);
+    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 72 + 8 * 64);
     assert_eq!(offset_of!(HealthWire, watch), 32);
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
     assert_eq!(size_of::<RequestWire>(), 24);
-    assert_eq!(size_of::<ResponseWire>(), 1088 + 336);
-    assert_eq!(size_of::<WatchWire>(), 16 + 8 * 40);
-    assert_eq!(offset_of!(ResponseWire, watch), 1088);
+    assert_eq!(size_of::<ResponseWire>(), 1104 + 344 + 512);
+    assert_eq!(size_of::<WatchWire>(), 24 + 8 * 40);
+    assert_eq!(offset_of!(ResponseWire, watch), 1104);
     assert_eq!(offset_of!(ResponseWire, activity), 532);
-    assert_eq!(offset_of!(ResponseWire, reason), 576);
+    assert_eq!(offset_of!(ResponseWire, reason), 592);
+    assert_eq!(size_of::<ArchiveRequestWire>(), 16);
+    assert_eq!(offset_of!(ArchiveResponseWire, calibration), 528);
 }
 
 #[test]
