@@ -4,7 +4,7 @@ use super::check::{BackendConfig, CameraChoice, CamerasConfig};
 use crate::capture::recording::Recording;
 use crate::capture::replay::ReplayFactory;
 use crate::capture::scripted::ScriptedFactory;
-use crate::capture::synthetic::SyntheticFactory;
+use crate::capture::synthetic::{SyntheticCamera, SyntheticFactory};
 use crate::capture::{CameraInfo, CaptureError, DeviceFactory};
 use crate::geometry::motion::Motion;
 use crate::ipc::MAX_NAME_BYTES;
@@ -85,9 +85,21 @@ impl CamerasConfig {
         self.reference_first(rig)
     }
 
-    /// The rig where the config lists its cameras, so that the back end need not be asked; `None` where it does not.
+    /// The rig where the config alone tells its cameras, so that the back end need not be asked; `None` where it does not.
     pub fn listed(&self) -> Option<Result<Vec<CameraChoice>, RigError>> {
-        (!self.list.is_empty()).then(|| self.reference_first(self.list.clone()))
+        let cameras = match &self.backend {
+            _ if !self.list.is_empty() => self.list.clone(),
+            // Planning its path takes seconds, which the names of its cameras do not need.
+            BackendConfig::Synthetic(options) => {
+                let choice = |camera: &SyntheticCamera| CameraChoice {
+                    name: camera.info.name.clone(),
+                    serial: camera.info.serial.clone(),
+                };
+                options.cameras.iter().map(choice).collect()
+            }
+            BackendConfig::Replay(..) => return None,
+        };
+        Some(self.reference_first(cameras))
     }
 
     fn reference_first(&self, mut rig: Vec<CameraChoice>) -> Result<Vec<CameraChoice>, RigError> {

@@ -284,18 +284,12 @@ fn live_lines_vouch_for_a_rig_that_stands_as_it_stood() {
 
 #[test]
 fn nothing_vouches_for_a_rig_that_was_moved_before_the_watch_began() {
-    for number in 0..3 {
-        for (deg, mm) in [(1.0, 0.0), (0.0, 15.0), (0.0, 25.0), (3.0, 20.0), (40.0, 150.0)] {
-            for poses in [pair(), three()] {
-                let mut trial = Trial::new(&format!("moved before {number} {deg} {mm}"), poses);
-                trial.knock(1, deg, mm);
-                let sets = trial.sets(15);
-                assert!(
-                    !is_ever_verified(&mut trial, &sets),
-                    "{number}: {deg} deg {mm} mm: {:?}",
-                    trial.report()
-                );
-            }
+    for (deg, mm) in [(1.0, 0.0), (0.0, 15.0), (0.0, 25.0), (3.0, 20.0), (40.0, 150.0)] {
+        for poses in [pair(), three()] {
+            let mut trial = Trial::new(&format!("moved before {deg} {mm}"), poses);
+            trial.knock(1, deg, mm);
+            let sets = trial.sets(12);
+            assert!(!is_ever_verified(&mut trial, &sets), "{deg} deg {mm} mm: {:?}", trial.report());
         }
     }
 }

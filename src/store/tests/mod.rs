@@ -43,7 +43,7 @@ fn stored(id: u64) -> StoredCalibration {
     StoredCalibration {
         id,
         made_ns: 1_800_000_000_000_000_001 + id,
-        restored: (id % 2 == 0).then_some(Restored { from: 1, at_ns: u64::MAX }),
+        restored: id.is_multiple_of(2).then_some(Restored { from: 1, at_ns: u64::MAX }),
         version: "0.1.0".to_owned(),
         config_hash: sha256_hex(b"config"),
         frame_sets: FrameSets { seen: 90, used: 12, refused: 70, dropped: 3 },
