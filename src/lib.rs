@@ -35,8 +35,8 @@
 //! # Ok::<(), pelical::ipc::ClientError>(())
 //! ```
 //!
-//! A pose is trustworthy when its calibration's state is [`solver::State::Converged`], and only then; else the
-//! [reason](solver::Reason) says what is missing. Frames, units and names are those of [`geometry`].
+//! A pose is trustworthy when its calibration's state is [`solver::State::Converged`], and only then; [`solver::State::Stored`] is one
+//! of an earlier run that live lines have not confirmed yet; else the [reason](solver::Reason) says what is missing. Frames, units and names are those of [`geometry`].
 //!
 //! # Modules, in reading order
 //!
@@ -44,7 +44,7 @@
 //!   from lines of several cameras to the extrinsics of the rig, with a verdict. These four are pure: no file, clock or thread.
 //! - [`learned`]: which lines of two images are one edge, by networks in ONNX Runtime where that is installed.
 //! - [`capture`]: cameras and recordings. [`pipeline`]: the threads of the live run, and the offline run.
-//! - [`ipc`]: the result in shared memory, for other processes. [`service`]: the daemon's life and config. [`cli`]: the client.
+//! - [`ipc`]: the result in shared memory, for other processes. [`store`]: accepted results on disk. [`service`]: the daemon's life and config. [`cli`]: the client.
 
 pub mod capture;
 pub mod cli;
@@ -56,3 +56,4 @@ pub mod lines;
 pub mod pipeline;
 pub mod service;
 pub mod solver;
+pub mod store;

@@ -54,6 +54,12 @@ pub enum Command {
     Recalibrate(RecalibrateArgs),
     /// Ask the daemon to stop collecting evidence.
     Cancel(Output),
+    /// List the calibrations that the daemon has kept, newest first.
+    History(Output),
+    /// Ask the daemon to go back to an older calibration of its history.
+    Rollback(RollbackArgs),
+    /// Print the published calibration, or an older one, in a form that other programs read.
+    Export(ExportArgs),
     /// Write a recording from the cameras of a config file.
     Record(RecordArgs),
     /// List the cameras of a config file's back end.
@@ -273,6 +279,55 @@ pub struct RecalibrateArgs {
     /// Form of the answer.
     #[command(flatten)]
     pub output: Output,
+}
+
+/// `rollback`.
+#[derive(Debug, Args)]
+pub struct RollbackArgs {
+    /// Number of the calibration in `pelical history`.
+    #[arg(value_name = "ID", value_parser = clap::value_parser!(u64).range(1..))]
+    pub id: u64,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// `export`.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// Form of the output.
+    #[arg(long, value_enum, default_value_t)]
+    pub format: ExportFormat,
+    /// Number of a calibration in `pelical history`; without it, the published one.
+    #[arg(long, value_name = "ID", value_parser = clap::value_parser!(u64).range(1..))]
+    pub id: Option<u64>,
+    /// Axes of the frames that are told, for ros-tf and urdf.
+    #[arg(long, value_enum, default_value_t)]
+    pub frame: ExportFrame,
+}
+
+/// Form of an exported calibration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum ExportFormat {
+    /// The document of `calibrate --json`, with its provenance.
+    #[default]
+    Json,
+    /// Poses by camera name, the layout of `ground_truth.yaml`.
+    Yaml,
+    /// A launch file of ROS 2 with static transforms.
+    RosTf,
+    /// Links and fixed joints.
+    Urdf,
+}
+
+/// Axes of exported frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum ExportFrame {
+    /// x right, y down, z forward: `<camera>_color_optical_frame`.
+    #[default]
+    Optical,
+    /// x forward, y left, z up: `<camera>_color_frame`.
+    Body,
 }
 
 /// `record`.

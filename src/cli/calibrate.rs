@@ -40,7 +40,7 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
     let cameras: Vec<CameraIdentity> = recording
         .cameras()
         .iter()
-        .map(|info| CameraIdentity { name: info.name.clone(), serial: info.serial.clone() })
+        .map(|info| CameraIdentity { name: info.name.clone(), serial: info.serial.clone(), firmware: None })
         .collect();
     let counts = run.frame_sets;
     let time = run.timing_ms;
@@ -60,6 +60,7 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
             total: Some(time.total),
         },
         truth: truth.as_ref().map(|truth| truth.reference_from_camera.as_slice()),
+        provenance: None,
     }))
 }
 

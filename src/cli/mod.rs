@@ -11,6 +11,8 @@ mod devices;
 mod error;
 mod evaluate;
 pub mod exit;
+mod export;
+mod history;
 mod interrupt;
 mod matching;
 mod online;
@@ -53,6 +55,9 @@ fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError
         Command::Watch(output) => watch::run(instance, *output),
         Command::Recalibrate(args) => online::recalibrate(instance, args),
         Command::Cancel(output) => online::cancel(instance, *output),
+        Command::History(output) => history::list(instance, *output),
+        Command::Rollback(args) => history::roll_back(instance, args),
+        Command::Export(args) => export::run(instance, args),
         Command::Demo(output) => demo::run(*output),
         // Belongs to the program, not to the client: see src/bin/pelical.rs.
         Command::DemoDaemon => Err(CliError::Failed("this is no command of the client".to_owned())),

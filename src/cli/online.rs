@@ -7,7 +7,9 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::interrupt::Interrupt;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::output::history::ProvenanceEntry;
 use super::output::status::{AnswerDocument, StatusDocument, Words};
+use super::output::time::now_ns;
 use super::talk::say;
 use super::{output, progress};
 use crate::geometry::motion::Motion;
@@ -65,7 +67,7 @@ pub fn recalibrate(instance: &InstanceName, args: &RecalibrateArgs) -> Result<Ex
 }
 
 /// Accepted is done; busy and refused are failures with a sentence.
-fn print_answer(response: &Response, output: Output) -> Result<Exit, CliError> {
+pub fn print_answer(response: &Response, output: Output) -> Result<Exit, CliError> {
     let document = AnswerDocument::from(&response.outcome);
     if output.json {
         output::print_json(&document)?;
@@ -186,6 +188,7 @@ impl Verdict {
             },
             timing_ms: self.timing_ms,
             truth,
+            provenance: Some(ProvenanceEntry::new(message, now_ns())),
         });
         if output.json {
             output::print_json(&document)?;

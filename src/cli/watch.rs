@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use super::args::Output;
 use super::error::CliError;
 use super::exit::Exit;
+use super::export;
 use super::interrupt::Interrupt;
 use super::online::GLANCE;
-use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::output::moved::MovedDocument;
 use super::output::{self, status};
 use super::talk::say;
@@ -50,14 +50,7 @@ pub fn run(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
 }
 
 fn print_calibration(message: &CalibrationMessage, output: Output) -> Result<(), CliError> {
-    let used = message.calibration.frame_sets_used as u64;
-    let document = CalibrationDocument::new(&Findings {
-        cameras: &message.cameras,
-        calibration: &message.calibration,
-        frame_sets: FrameSets { seen: used, used, refused: 0 },
-        timing_ms: TimingMs::default(),
-        truth: None,
-    });
+    let document = export::document(message);
     if output.json {
         return output::print_json_line(&document);
     }

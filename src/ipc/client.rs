@@ -13,13 +13,18 @@ use iceoryx2::prelude::{EventId, ZeroCopySend};
 
 use super::message::{CalibrationMessage, HealthMessage, ProgressMessage};
 use super::names::{InstanceName, IpcService, Topic};
-use super::request::{Request, RequestKind, Response};
+use super::request::{Archived, Request, RequestKind, Response};
 use super::services::{
     Failure, MAX_CLIENTS, Participant, Published, Side, events, has_living_publisher, listen,
 };
-use super::wire::{CalibrationWire, HealthWire, ProgressWire, RequestWire, ResponseWire, WireError};
+use super::wire::{
+    ArchiveRequestWire, ArchiveResponseWire, CalibrationWire, HealthWire, ProgressWire, RequestWire,
+    ResponseWire, WireError,
+};
 
 type ControlPort = iceoryx2::port::client::Client<IpcService, RequestWire, (), ResponseWire, ()>;
+type ArchivePort =
+    iceoryx2::port::client::Client<IpcService, ArchiveRequestWire, (), ArchiveResponseWire, ()>;
 
 /// How long the daemon may be silent before the client looks whether it still lives.
 const SILENCE: Duration = Duration::from_millis(100);
@@ -91,6 +96,7 @@ pub struct Client {
     progress: Subscriber<IpcService, ProgressWire, ()>,
     health: Subscriber<IpcService, HealthWire, ()>,
     control: ControlPort,
+    archive: ArchivePort,
     news: Listener<IpcService>,
     calls: Notifier<IpcService>,
     newest_calibration: Option<CalibrationMessage>,
@@ -111,6 +117,7 @@ impl Client {
         let progress = participant.published(Topic::Progress).map_err(refused)?;
         let health = participant.published(Topic::Health).map_err(refused)?;
         let control = participant.control().map_err(refused)?.client_builder().create();
+        let archive = participant.archive().map_err(refused)?.client_builder().create();
         let news = participant.event(Topic::News).map_err(refused)?.listener_builder().create();
         let calls = participant.event(Topic::Calls).map_err(refused)?.notifier_builder().create();
         // The services are open, so that only their numbers of ports are left to be exceeded.
@@ -122,6 +129,7 @@ impl Client {
             progress: subscriber(&progress).ok_or_else(full)?,
             health: subscriber(&health).ok_or_else(full)?,
             control: control.map_err(|_| full())?,
+            archive: archive.map_err(|_| full())?,
             news: news.map_err(|_| full())?,
             calls: calls.map_err(|_| full())?,
             newest_calibration: None,
@@ -163,26 +171,52 @@ impl Client {
 
     /// Asks how the daemon is.
     pub fn status(&mut self, timeout: Duration) -> Result<Response, ClientError> {
-        self.ask(RequestKind::Status, timeout)
+        self.ask((RequestKind::Status, 0), timeout)
     }
 
     /// Asks for a new calibration; the answer comes at once, the calibration later.
     pub fn recalibrate(&mut self, timeout: Duration) -> Result<Response, ClientError> {
-        self.ask(RequestKind::Recalibrate, timeout)
+        self.ask((RequestKind::Recalibrate, 0), timeout)
     }
 
     /// Asks to stop the running calibration.
     pub fn cancel(&mut self, timeout: Duration) -> Result<Response, ClientError> {
-        self.ask(RequestKind::Cancel, timeout)
+        self.ask((RequestKind::Cancel, 0), timeout)
     }
 
-    fn ask(&mut self, kind: RequestKind, timeout: Duration) -> Result<Response, ClientError> {
+    /// Asks to go back to the calibration with this number in the history.
+    pub fn rollback(&mut self, calibration: u64, timeout: Duration) -> Result<Response, ClientError> {
+        self.ask((RequestKind::Rollback, calibration), timeout)
+    }
+
+    /// The newest calibration of the history with a number below this; beginning with the largest number and going on below each
+    /// answer gives all of them, newest first.
+    pub fn archived_below(&mut self, below: u64, timeout: Duration) -> Result<Archived, ClientError> {
+        let sent = self.archive.send_copy(ArchiveRequestWire::new(below));
+        let pending = sent.map_err(|error| self.failed("sending a question", &error))?;
+        if pending.number_of_server_connections() == 0 {
+            return Err(self.not_running());
+        }
+        self.call(events::asked());
+        let answer = self.wait(timeout, |client| match pending.receive() {
+            Ok(Some(answer)) => Ok(Some(answer.payload().decode(below)?)),
+            Ok(None) => Ok(None),
+            Err(error) => Err(client.failed("receiving an answer", &error)),
+        })?;
+        answer.ok_or_else(|| self.no_answer(timeout))
+    }
+
+    fn ask(
+        &mut self,
+        (kind, calibration): (RequestKind, u64),
+        timeout: Duration,
+    ) -> Result<Response, ClientError> {
         self.last_request_id += 1;
-        let request = Request { id: self.last_request_id, kind };
+        let request = Request { id: self.last_request_id, kind, calibration };
         let sent = self.control.send_copy(RequestWire::from(request));
         let pending = sent.map_err(|error| self.failed("sending a request", &error))?;
         if pending.number_of_server_connections() == 0 {
-            return Err(ClientError::NotRunning { instance: self.instance.clone() });
+            return Err(self.not_running());
         }
         self.call(events::asked());
         let answer = self.wait(timeout, |client| match pending.receive() {
@@ -190,7 +224,15 @@ impl Client {
             Ok(None) => Ok(None),
             Err(error) => Err(client.failed("receiving an answer", &error)),
         })?;
-        answer.ok_or_else(|| ClientError::NoAnswer { instance: self.instance.clone(), waited: timeout })
+        answer.ok_or_else(|| self.no_answer(timeout))
+    }
+
+    fn not_running(&self) -> ClientError {
+        ClientError::NotRunning { instance: self.instance.clone() }
+    }
+
+    fn no_answer(&self, waited: Duration) -> ClientError {
+        ClientError::NoAnswer { instance: self.instance.clone(), waited }
     }
 
     /// Tries `take` whenever the daemon has news, until it gives something, the time is up (`None`) or the daemon is gone.
@@ -208,7 +250,7 @@ impl Client {
             // A signal or a failure of the event only makes this a poll.
             let news = listen(&self.news, left.min(SILENCE), |_| {}).unwrap_or(0);
             if news == 0 && !has_living_publisher(&self.calibration_topic) {
-                return Err(ClientError::NotRunning { instance: self.instance.clone() });
+                return Err(self.not_running());
             }
             if left.is_zero() {
                 return take(self);

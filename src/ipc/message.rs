@@ -9,15 +9,32 @@ pub struct CameraIdentity {
     pub name: String,
     /// Serial number, at most 32 bytes; empty where the back end has none.
     pub serial: String,
+    /// Firmware version, at most 32 bytes; `None` where the back end does not tell it.
+    pub firmware: Option<String>,
 }
 
-/// The newest calibration of the rig, converged or not.
+/// Where a calibration comes from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Provenance {
+    /// Its number in the daemon's history; `None` where it is not kept, because it has not converged or there is no store.
+    pub id: Option<u64>,
+    /// The number of the older calibration that somebody went back to.
+    pub restored_from: Option<u64>,
+    /// Version of the program that made it, at most 32 bytes.
+    pub version: String,
+    /// SHA-256 of the effective config it was made with, in hex.
+    pub config_hash: String,
+}
+
+/// The newest calibration of the rig: converged, stored (of an earlier run, and not verified against live lines yet), or neither.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationMessage {
     /// Counts the calibrations of this daemon, from 1.
     pub sequence: u64,
     /// When it was made, ns since 1970 (`CLOCK_REALTIME`).
     pub stamp_ns: u64,
+    /// Where it comes from.
+    pub provenance: Provenance,
     /// One per camera, in the order of `calibration.cameras`.
     pub cameras: Vec<CameraIdentity>,
     /// The result.

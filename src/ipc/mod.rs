@@ -1,7 +1,8 @@
 //! The outside view over shared memory (iceoryx2): the daemon's side ([`Server`]) and everybody else's ([`Client`]).
 //!
 //! Per instance of the daemon there are three published topics (calibration, progress, health; the newest of each reaches a late
-//! subscriber), one request-response channel (status, recalibrate, cancel) and two events that wake the waiting side.
+//! subscriber), two request-response channels (control: status, recalibrate, cancel, rollback; archive: older calibrations) and two events that
+//! wake the waiting side.
 //! Plain types of [`message`] and [`request`] go in and come out; the layout in memory is the matter of [`wire`] alone.
 
 pub mod client;
@@ -15,9 +16,9 @@ pub mod wire;
 pub use client::{Client, ClientError};
 pub use message::{
     BestPair, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameSetCounts,
-    HealthMessage, ProgressMessage, Skew, StageLatency,
+    HealthMessage, ProgressMessage, Provenance, Skew, StageLatency,
 };
 pub use names::{InstanceName, InstanceNameError};
-pub use request::{Activity, Outcome, RefusalCode, Request, RequestKind, Response, Snapshot};
+pub use request::{Activity, Archived, Outcome, RefusalCode, Request, RequestKind, Response, Snapshot};
 pub use server::{Server, ServerError};
 pub use wire::{MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, MAX_SENTENCE_BYTES, MAX_STAGES, WireError};

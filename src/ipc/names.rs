@@ -1,6 +1,6 @@
 //! What things are called in shared memory: the instance of the daemon and its services.
 //!
-//! A service is `pelical/<instance>/v2/<topic>`; a change of meaning of any payload gets a new version in the name, so that old
+//! A service is `pelical/<instance>/v3/<topic>`; a change of meaning of any payload gets a new version in the name, so that old
 //! and new programs do not see each other instead of misreading each other.
 
 use std::fmt;
@@ -73,6 +73,8 @@ pub(super) enum Topic {
     Health,
     /// Requests to the daemon and its answers.
     Control,
+    /// Questions for older calibrations and the answers.
+    Archive,
     /// Event: the daemon published or answered.
     News,
     /// Event: a client joined or asked.
@@ -86,6 +88,7 @@ impl Topic {
             Topic::Progress => "progress",
             Topic::Health => "health",
             Topic::Control => "control",
+            Topic::Archive => "archive",
             Topic::News => "news",
             Topic::Calls => "calls",
         }
@@ -110,6 +113,6 @@ mod tests {
     #[test]
     fn a_service_name_carries_instance_and_version() {
         let instance: InstanceName = "left_arm".parse().expect("allowed");
-        assert_eq!(instance.service(Topic::Calibration), "pelical/left_arm/v2/calibration");
+        assert_eq!(instance.service(Topic::Calibration), "pelical/left_arm/v3/calibration");
     }
 }

@@ -1,5 +1,6 @@
 //! What a client may ask the daemon, and what the daemon answers.
 
+use super::message::CalibrationMessage;
 use crate::solver::{Reason, State, WatchReport};
 
 /// What is asked.
@@ -11,11 +12,14 @@ pub enum RequestKind {
     Recalibrate,
     /// Stop the running calibration and keep the last result.
     Cancel,
+    /// Go back to an older calibration of the history.
+    Rollback,
 }
 
 impl RequestKind {
     /// Every kind, in the order of the wire format.
-    pub const ALL: [RequestKind; 3] = [RequestKind::Status, RequestKind::Recalibrate, RequestKind::Cancel];
+    pub const ALL: [RequestKind; 4] =
+        [RequestKind::Status, RequestKind::Recalibrate, RequestKind::Cancel, RequestKind::Rollback];
 }
 
 /// A client's request.
@@ -25,6 +29,22 @@ pub struct Request {
     pub id: u64,
     /// What is asked.
     pub kind: RequestKind,
+    /// Rollback: the number of the calibration to go back to. Not looked at for other kinds.
+    pub calibration: u64,
+}
+
+/// The answer to the question for an older calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Archived {
+    /// The newest one below the number that was asked for.
+    Found(Box<CalibrationMessage>),
+    /// There is no older one.
+    NoOlder,
+    /// No history is kept.
+    NotKept {
+        /// Why, and what to do.
+        sentence: String,
+    },
 }
 
 /// The daemon's answer.
@@ -63,15 +83,24 @@ pub enum RefusalCode {
     Stopping,
     /// The request could not be read: another version, or damaged.
     Unreadable,
+    /// The cameras are still being opened.
+    Starting,
+    /// The history has no calibration of this number.
+    UnknownCalibration,
+    /// That calibration is of other cameras, or in another camera's frame.
+    OtherRig,
 }
 
 impl RefusalCode {
     /// Every code, in the order of the wire format.
-    pub const ALL: [RefusalCode; 4] = [
+    pub const ALL: [RefusalCode; 7] = [
         RefusalCode::NothingToCancel,
         RefusalCode::NoCameras,
         RefusalCode::Stopping,
         RefusalCode::Unreadable,
+        RefusalCode::Starting,
+        RefusalCode::UnknownCalibration,
+        RefusalCode::OtherRig,
     ];
 
     /// The name in output.
@@ -81,6 +110,9 @@ impl RefusalCode {
             RefusalCode::NoCameras => "no_cameras",
             RefusalCode::Stopping => "stopping",
             RefusalCode::Unreadable => "unreadable",
+            RefusalCode::Starting => "starting",
+            RefusalCode::UnknownCalibration => "unknown_calibration",
+            RefusalCode::OtherRig => "other_rig",
         }
     }
 }
@@ -98,6 +130,12 @@ pub struct Snapshot {
     pub watch: Option<WatchReport>,
     /// The newest published calibration; 0 before the first.
     pub calibration_sequence: u64,
+    /// Its number in the history; `None` where it is not kept.
+    pub calibration_id: Option<u64>,
+    /// When it was made, ns since 1970; `None` before the first.
+    pub calibration_stamp_ns: Option<u64>,
+    /// Why the history cannot be written at present; `None` while it can, or none is kept.
+    pub store_fault: Option<String>,
     /// Since the daemon started, ns.
     pub uptime_ns: u64,
     /// Frame sets taken as evidence.

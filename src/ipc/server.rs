@@ -14,11 +14,16 @@ use iceoryx2::prelude::{BackpressureStrategy, EventId, ZeroCopySend};
 
 use super::message::{CalibrationMessage, HealthMessage, ProgressMessage};
 use super::names::{InstanceName, IpcService, Topic};
-use super::request::{Outcome, RefusalCode, Request, RequestKind, Response};
+use super::request::{Archived, Outcome, RefusalCode, Request, RequestKind, Response};
 use super::services::{Failure, MAX_CLIENTS, Participant, Side, events, listen};
-use super::wire::{CalibrationWire, HealthWire, ProgressWire, RequestWire, ResponseWire, WireError};
+use super::wire::{
+    ArchiveRequestWire, ArchiveResponseWire, CalibrationWire, HealthWire, ProgressWire, RequestWire,
+    ResponseWire, WireError,
+};
 
 type ControlPort = iceoryx2::port::server::Server<IpcService, RequestWire, (), ResponseWire, ()>;
+type ArchivePort =
+    iceoryx2::port::server::Server<IpcService, ArchiveRequestWire, (), ArchiveResponseWire, ()>;
 
 /// Most requests answered in one go, so that a flood of them does not keep the daemon from its work.
 const MAX_ANSWERS: usize = 4 * MAX_CLIENTS;
@@ -71,6 +76,7 @@ pub struct Server {
     progress: Publisher<IpcService, ProgressWire, ()>,
     health: Publisher<IpcService, HealthWire, ()>,
     control: ControlPort,
+    archive: ArchivePort,
     news: Notifier<IpcService>,
     calls: Listener<IpcService>,
 }
@@ -86,6 +92,9 @@ impl Server {
         let control = daemon.control().map_err(refused)?;
         let control =
             control.server_builder().backpressure_strategy(BackpressureStrategy::DiscardData).create();
+        let archive = daemon.archive().map_err(refused)?;
+        let archive =
+            archive.server_builder().backpressure_strategy(BackpressureStrategy::DiscardData).create();
         let news = daemon.event(Topic::News).map_err(refused)?.notifier_builder().create();
         let calls = daemon.event(Topic::Calls).map_err(refused)?.listener_builder().create();
         Ok(Self {
@@ -93,6 +102,7 @@ impl Server {
             progress: publisher(&daemon, instance, Topic::Progress)?,
             health: publisher(&daemon, instance, Topic::Health)?,
             control: control.map_err(|error| failed("opening the request channel", &error))?,
+            archive: archive.map_err(|error| failed("opening the channel of the history", &error))?,
             news: news.map_err(|error| failed("opening the news event", &error))?,
             calls: calls.map_err(|error| failed("opening the calls event", &error))?,
             instance: instance.clone(),
@@ -136,6 +146,29 @@ impl Server {
             self.notify(events::greeted());
         }
         self.answer_all(&mut answer)
+    }
+
+    /// Lets `answer` answer questions for the newest calibration below a number; the number of answers. Call it as often as
+    /// [`Server::poll`].
+    pub fn poll_archive(&self, mut answer: impl FnMut(u64) -> Archived) -> Result<usize, ServerError> {
+        let mut answered = 0;
+        while answered < MAX_ANSWERS {
+            let received = self.archive.receive();
+            let received = received.map_err(|error| self.failed("receiving a question", &error))?;
+            let Some(active) = received else { break };
+            let archived = match active.payload().below() {
+                Ok(below) => answer(below),
+                Err(error) => Archived::NotKept { sentence: error.to_string() },
+            };
+            let wire = ArchiveResponseWire::encode(active.payload(), &archived)?;
+            // An error here says that the client went away before its answer came.
+            let _ = active.send_copy(wire);
+            answered += 1;
+        }
+        if answered > 0 {
+            self.notify(events::published());
+        }
+        Ok(answered)
     }
 
     fn publish<W: Debug + ZeroCopySend>(
@@ -189,7 +222,7 @@ fn response_to(wire: &RequestWire, answer: &mut impl FnMut(Request) -> Response)
     match Request::try_from(wire) {
         Ok(request) => answer(request),
         Err(error) => {
-            let status = answer(Request { id: wire.id, kind: RequestKind::Status });
+            let status = answer(Request { id: wire.id, kind: RequestKind::Status, calibration: 0 });
             let outcome = Outcome::Refused { code: RefusalCode::Unreadable, sentence: error.to_string() };
             Response { outcome, snapshot: status.snapshot }
         }

@@ -13,7 +13,7 @@ use iceoryx2::service::builder::{ServiceCreateError, ServiceOpenError};
 use iceoryx2::service::port_factory;
 
 use super::names::{InstanceName, IpcService, Topic};
-use super::wire::{RequestWire, ResponseWire};
+use super::wire::{ArchiveRequestWire, ArchiveResponseWire, RequestWire, ResponseWire};
 
 /// Most clients of one daemon at a time.
 pub(super) const MAX_CLIENTS: usize = 16;
@@ -57,6 +57,9 @@ pub(super) type Published<W> = port_factory::publish_subscribe::PortFactory<IpcS
 /// The open request-response service.
 pub(super) type Control =
     port_factory::request_response::PortFactory<IpcService, RequestWire, (), ResponseWire, ()>;
+/// The open request-response service of the history.
+pub(super) type Archive =
+    port_factory::request_response::PortFactory<IpcService, ArchiveRequestWire, (), ArchiveResponseWire, ()>;
 /// An open event.
 pub(super) type Event = port_factory::event::PortFactory<IpcService>;
 
@@ -162,6 +165,23 @@ impl<'a> Participant<'a> {
                 .max_servers(1)
                 .max_clients(MAX_CLIENTS)
                 .max_nodes(MAX_CLIENTS + 1)
+        };
+        self.open(|| builder().open(), || builder().create())
+    }
+
+    /// Questions for older calibrations and the answers, one at a time for each client: an answer has 80 kB.
+    pub(super) fn archive(&self) -> Result<Archive, Failure> {
+        let name = self.service_name(Topic::Archive)?;
+        let builder = || {
+            self.node
+                .service_builder(&name)
+                .request_response::<ArchiveRequestWire, ArchiveResponseWire>()
+                .max_servers(1)
+                .max_clients(MAX_CLIENTS)
+                .max_nodes(MAX_CLIENTS + 1)
+                .max_active_requests_per_client(1)
+                .max_response_buffer_size(1)
+                .max_borrowed_responses_per_pending_response(1)
         };
         self.open(|| builder().open(), || builder().create())
     }

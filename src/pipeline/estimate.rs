@@ -61,6 +61,8 @@ pub(super) struct EstimateStage {
     views: Vec<Option<CameraView>>,
     evidence: Evidence,
     watching: Watching,
+    /// A result of an earlier run that is, or will be once its cameras are seen, under watch.
+    given: Option<RigCalibration>,
 }
 
 /// What was collected in this round.
@@ -100,6 +102,7 @@ impl EstimateStage {
             estimator: None,
             source: None,
             evidence: Evidence::default(),
+            given: None,
             shared,
             make,
             make_source,
@@ -119,8 +122,19 @@ impl EstimateStage {
         }
     }
 
+    /// Takes over a result of an earlier run.
+    fn notice_given(&mut self) {
+        let given = self.shared.given.pop();
+        // After the queue: its result brings its round with it.
+        self.notice_new_round();
+        if let Some((calibration, _)) = given.filter(|(_, round)| *round == self.evidence.round) {
+            self.given = Some(calibration);
+        }
+    }
+
     fn forget(&mut self) {
         self.estimator = None;
+        self.given = None;
         self.watching.end();
         self.evidence = Evidence { round: self.evidence.round, ..Evidence::default() };
     }
@@ -188,8 +202,23 @@ impl EstimateStage {
         estimator.add(views, &mut score)
     }
 
+    /// Begins to watch a given result, and begins again with every camera that is seen for the first time.
+    fn watch_given(&mut self, set: &LineSet) {
+        let Some(given) = &self.given else { return };
+        let mut is_new = !self.watching.has_begun();
+        for slot in set.slots.iter().flatten() {
+            is_new |= slot.intrinsics.is_some() && self.intrinsics[slot.camera] != slot.intrinsics;
+            self.intrinsics[slot.camera] = slot.intrinsics.or(self.intrinsics[slot.camera]);
+        }
+        let Some(known) = self.intrinsics.iter().flatten().next().copied().filter(|_| is_new) else { return };
+        // A camera that was never there borrows intrinsics, as in `add`.
+        let cameras = self.intrinsics[..self.views.len()].iter().map(|camera| camera.unwrap_or(known));
+        self.watching.begin(cameras.collect(), given, self.evidence.round);
+    }
+
     /// Compares a set with the result, if there is one.
     fn compare(&mut self, mut set: Box<LineSet>) {
+        self.watch_given(&set);
         self.swap_views(&mut set);
         self.watching.compare(&self.views);
         self.swap_views(&mut set);
@@ -252,7 +281,7 @@ impl Stage for EstimateStage {
     }
 
     fn step(&mut self) -> bool {
-        self.notice_new_round();
+        self.notice_given();
         let set = self.shared.queues.sets.pop();
         let had_set = set.is_some();
         let round = self.evidence.round;
@@ -266,7 +295,7 @@ impl Stage for EstimateStage {
         {
             self.solve();
         }
-        self.watching.ask_for_set();
+        self.watching.ask_for_set(self.given.is_some());
         had_set
     }
 }

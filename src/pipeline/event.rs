@@ -29,11 +29,12 @@ pub enum Answer {
 }
 
 /// What the estimator is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Phase {
     /// Frame sets go to the estimator.
+    #[default]
     Collecting,
-    /// The last calibration converged; frames are still watched.
+    /// There is a result, of this run or given by [`super::Pipeline::watch`]; it is compared with what the cameras see.
     Watching,
     /// Collecting was cancelled; frames are still watched.
     Idle,

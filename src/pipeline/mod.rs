@@ -44,7 +44,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::Sender;
 
 use crate::capture::DeviceFactory;
-use crate::solver::RigEstimator;
+use crate::solver::{RigCalibration, RigEstimator};
 
 pub use associate::{AssociateOptions, Association, MatchSource};
 pub use buffers::FoundLines;
@@ -131,8 +131,8 @@ pub struct CameraSnapshot {
     pub last_frame_age: Option<Duration>,
 }
 
-/// The pipeline at one moment.
-#[derive(Debug, Clone, PartialEq)]
+/// The pipeline at one moment; by default one that has no camera.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Snapshot {
     /// By camera.
     pub cameras: Vec<CameraSnapshot>,
@@ -218,7 +218,16 @@ impl Pipeline {
         }
     }
 
-    /// The round of collecting, from 1; an accepted [`Command::Recalibrate`] begins the next one.
+    /// Ends collecting and takes a converged result of an earlier run for the one to watch: the cameras in the pipeline's order.
+    pub fn watch(&self, calibration: RigCalibration) {
+        let shared = &self.shared;
+        // The queue hands the round over as well: whoever takes the result sees that its round has begun.
+        let round = shared.phase.watch();
+        shared.given.force_push((calibration, round));
+        shared.wakers.estimate.wake();
+    }
+
+    /// The round of collecting, from 1; an accepted [`Command::Recalibrate`] and [`Pipeline::watch`] begin the next one.
     pub fn round(&self) -> u64 {
         self.shared.phase.round()
     }

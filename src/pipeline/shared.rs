@@ -6,10 +6,12 @@ use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Sender, TrySendError};
+use crossbeam_queue::ArrayQueue;
 
 use super::event::{CameraState, Phase, PipelineEvent};
 use super::queues::Queues;
 use super::stats::{Counter, Counters, Latencies};
+use crate::solver::RigCalibration;
 
 /// Wakes one parked thread; a lost wake-up costs at most one poll interval.
 #[derive(Debug, Default)]
@@ -113,6 +115,12 @@ impl PhaseCell {
         })
     }
 
+    /// Begins a round in which a result that is there already is watched; the round.
+    pub(super) fn watch(&self) -> u64 {
+        self.replace(|_, round| Some((Phase::Watching, round + 1)));
+        self.round()
+    }
+
     fn replace(&self, next: impl Fn(Phase, u64) -> Option<(Phase, u64)>) -> bool {
         let update = |value| {
             let (phase, round) = unpack(value);
@@ -153,6 +161,8 @@ pub(super) struct Shared {
     pub(super) wakers: Wakers,
     /// Set while the estimator has time for a frame set to compare its result with. Relaxed: sets go through the queues.
     pub(super) wants_watched_set: AtomicBool,
+    /// A result to watch that was not made in this run, with its round; the newest wins.
+    pub(super) given: ArrayQueue<(RigCalibration, u64)>,
     events: Sender<PipelineEvent>,
 }
 
@@ -182,6 +192,7 @@ impl Shared {
             queues: Queues::new(names.len(), n_line_threads),
             wakers,
             wants_watched_set: AtomicBool::new(false),
+            given: ArrayQueue::new(1),
             cameras: names.into_iter().map(CameraShared::new).collect(),
             events,
         }

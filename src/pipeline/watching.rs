@@ -41,14 +41,19 @@ impl Watching {
         self.told = WatchReport::default();
     }
 
+    /// Whether there is a result under watch.
+    pub(super) fn has_begun(&self) -> bool {
+        self.watch.is_some()
+    }
+
     /// The result is no longer of interest.
     pub(super) fn end(&mut self) {
         self.watch = None;
     }
 
-    /// Asks for the next set when there is something to watch over and the rest is over.
-    pub(super) fn ask_for_set(&self) {
-        if self.watch.is_some() && Instant::now() >= self.rest_until {
+    /// Asks for the next set when there is something to watch over, or will be once its cameras are seen, and the rest is over.
+    pub(super) fn ask_for_set(&self, is_awaited: bool) {
+        if (is_awaited || self.watch.is_some()) && Instant::now() >= self.rest_until {
             self.shared.wants_watched_set.store(true, Ordering::Relaxed);
         }
     }

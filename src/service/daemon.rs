@@ -12,15 +12,18 @@ use super::config::{CameraChoice, Config, OnMoved, RigError};
 use super::error::ServiceError;
 use super::state::{self, Life};
 use super::stop::Stop;
-use super::telling::{HealthTeller, ProgressTeller, wall_clock_ns};
+use super::storing::{self, Storing};
+use super::telling::{HealthTeller, ProgressTeller, log_moved, wall_clock_ns};
 use crate::capture::DeviceFactory;
 use crate::ipc::{
-    CalibrationMessage, CameraIdentity, Request, RequestKind, Response, Server, ServerError, Snapshot,
+    CalibrationMessage, CameraIdentity, Outcome, Provenance, RefusalCode, Request, RequestKind, Response,
+    Server, ServerError, Snapshot,
 };
 use crate::pipeline::{
     self, Answer, CameraSlot, Command, Counts, Parts, Pipeline, PipelineEvent, PipelineOptions, Solved,
 };
-use crate::solver::{Moved, State, WatchReport, Who};
+use crate::solver::{RigCalibration, State, WatchReport};
+use crate::store::StoredCalibration;
 
 /// Longest time a client's request or a signal waits for the daemon's attention; events of the pipeline wake it at once.
 const POLL: Duration = Duration::from_millis(5);
@@ -33,9 +36,15 @@ const MAX_RESTARTS: u32 = 5;
 
 /// What is remembered while pipelines come and go.
 struct Daemon {
+    /// The cameras of the rig; empty before they are known.
     identities: Vec<CameraIdentity>,
     life: Life,
-    calibration_sequence: u64,
+    storing: Storing,
+    /// The newest published calibration.
+    published: Option<CalibrationMessage>,
+    /// The result of an earlier run that is served: what a new pipeline begins with instead of collecting.
+    served: Option<RigCalibration>,
+    config_hash: String,
     progress: ProgressTeller,
     health: HealthTeller,
     on_moved: OnMoved,
@@ -66,7 +75,6 @@ struct Rig {
     slots: Vec<CameraSlot>,
     identities: Vec<CameraIdentity>,
     options: PipelineOptions,
-    on_moved: OnMoved,
     /// Lines and estimate; other ones in tests.
     make_parts: fn(&PipelineOptions) -> Parts,
 }
@@ -83,15 +91,10 @@ impl Rig {
             serial: camera.serial.clone(),
             name: camera.name.clone(),
         };
-        let identity = |camera: &CameraChoice| CameraIdentity {
-            name: camera.name.clone(),
-            serial: camera.serial.clone(),
-        };
         Ok(Self {
             slots: cameras.iter().map(slot).collect(),
-            identities: cameras.iter().map(identity).collect(),
+            identities: identities(&cameras),
             options: config.pipeline.clone(),
-            on_moved: config.on_moved,
             make_parts: Parts::new,
         })
     }
@@ -104,6 +107,16 @@ impl Rig {
     }
 }
 
+fn identities(cameras: &[CameraChoice]) -> Vec<CameraIdentity> {
+    let identity = |camera: &CameraChoice| CameraIdentity {
+        name: camera.name.clone(),
+        serial: camera.serial.clone(),
+        // No back end tells it yet.
+        firmware: None,
+    };
+    cameras.iter().map(identity).collect()
+}
+
 /// Runs the daemon until it is asked to stop.
 ///
 /// # Errors
@@ -111,20 +124,32 @@ impl Rig {
 pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
     // The name first: a second daemon must not even touch the cameras.
     let server = Server::start(&config.instance)?;
-    let Some(rig) = open_rig(config, stop)? else {
+    let mut daemon = Daemon::new(config, Storing::open(&config.store, &config.instance));
+    // Listed cameras are known before they are there: nobody waits for a back end to get the last good calibration.
+    if let Some(listed) = config.cameras.listed() {
+        daemon.serve_newest(identities(&listed?), &server);
+    }
+    let Some(rig) = open_rig(config, stop, (&mut daemon, &server))? else {
         tracing::info!("stopped before the cameras were there");
         return Ok(());
     };
     let names: Vec<&str> = rig.identities.iter().map(|camera| camera.name.as_str()).collect();
     tracing::info!(instance = %config.instance, cameras = names.join(", "), "started");
-    run_rig(&rig, &server, stop)
+    if daemon.identities.is_empty() {
+        daemon.serve_newest(rig.identities.clone(), &server);
+    }
+    let ended = run_rig(&rig, &server, (&mut daemon, stop));
+    daemon.storing.finish();
+    ended
 }
 
 /// Runs pipelines one after the other: a panic in one of its threads ends a pipeline, not the daemon.
-fn run_rig(rig: &Rig, server: &Server, stop: &Stop) -> Result<(), ServiceError> {
-    let mut daemon = Daemon::new(rig.identities.clone(), rig.on_moved);
+fn run_rig(rig: &Rig, server: &Server, (daemon, stop): (&mut Daemon, &Stop)) -> Result<(), ServiceError> {
     for restarts in 0.. {
         let live = rig.start(server)?;
+        if let Some(served) = &daemon.served {
+            live.pipeline.watch(served.clone());
+        }
         let end = daemon.serve(&live, stop);
         daemon.say_goodbye(&live, &end);
         let report = live.pipeline.stop();
@@ -149,8 +174,12 @@ fn run_rig(rig: &Rig, server: &Server, stop: &Stop) -> Result<(), ServiceError> 
 }
 
 /// Opens the back end on a thread of its own: loading a recording takes as long as it takes, and a signal must not wait for it.
-/// `None` when the daemon shall stop meanwhile; the thread ends with the process.
-fn open_rig(config: &Config, stop: &Stop) -> Result<Option<Rig>, ServiceError> {
+/// Clients are answered meanwhile. `None` when the daemon shall stop; the thread ends with the process.
+fn open_rig(
+    config: &Config,
+    stop: &Stop,
+    (daemon, server): (&mut Daemon, &Server),
+) -> Result<Option<Rig>, ServiceError> {
     let (sender, opened) = bounded(1);
     let config = config.clone();
     let opening = std::thread::Builder::new().name("open".to_owned());
@@ -160,7 +189,7 @@ fn open_rig(config: &Config, stop: &Stop) -> Result<Option<Rig>, ServiceError> {
     while !stop.is_set() {
         match opened.recv_timeout(POLL) {
             Ok(rig) => return rig.map(Some),
-            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Timeout) => daemon.answer_early_clients(server),
             Err(RecvTimeoutError::Disconnected) => {
                 return Err(ServiceError::Bug { thread: "open".to_owned(), restarts: 1 });
             }
@@ -170,14 +199,17 @@ fn open_rig(config: &Config, stop: &Stop) -> Result<Option<Rig>, ServiceError> {
 }
 
 impl Daemon {
-    fn new(identities: Vec<CameraIdentity>, on_moved: OnMoved) -> Self {
+    fn new(config: &Config, storing: Storing) -> Self {
         Self {
-            identities,
+            identities: Vec::new(),
             life: Life::new(),
-            calibration_sequence: 0,
+            storing,
+            published: None,
+            served: None,
+            config_hash: config.hash.clone(),
             progress: ProgressTeller::default(),
             health: HealthTeller::new(Instant::now()),
-            on_moved,
+            on_moved: config.on_moved,
             keeps_result: false,
             unpublished: (0, None),
         }
@@ -207,8 +239,11 @@ impl Daemon {
         match end {
             End::Requested => self.life.on_stop(),
             End::Bug { .. } => {
-                self.keeps_result |= self.life.state() == State::Converged;
-                self.life.on_restart();
+                // What is served the next pipeline goes on watching.
+                if self.served.is_none() {
+                    self.keeps_result |= self.life.state() == State::Converged;
+                    self.life.on_restart();
+                }
                 self.progress.restart(Counts::default());
             }
         }
@@ -216,8 +251,54 @@ impl Daemon {
     }
 
     fn answer_clients(&mut self, live: &Live<'_>) {
-        let polled = live.server.poll(Duration::ZERO, |request| self.answer(request, &live.pipeline));
+        let polled = live.server.poll(Duration::ZERO, |request| self.answer(request, live));
         self.note(polled.map(drop));
+        self.answer_archive(live.server);
+        self.storing.poll();
+    }
+
+    fn answer_archive(&mut self, server: &Server) {
+        let polled = server.poll_archive(|below| self.storing.archived_below(below));
+        self.note(polled.map(drop));
+    }
+
+    /// Before there is a pipeline, clients can look and nothing else.
+    fn answer_early_clients(&mut self, server: &Server) {
+        let answer = |request: Request| {
+            let outcome = match request.kind {
+                RequestKind::Status => Outcome::Accepted,
+                _ => Outcome::Refused {
+                    code: RefusalCode::Starting,
+                    sentence: "the daemon is opening its cameras: ask again in a moment".to_owned(),
+                },
+            };
+            Response { outcome, snapshot: self.snapshot(&pipeline::Snapshot::default()) }
+        };
+        let polled = server.poll(Duration::ZERO, answer);
+        self.note(polled.map(drop));
+        self.answer_archive(server);
+    }
+
+    /// The cameras are known: serves their newest calibration of earlier runs, if there is one.
+    fn serve_newest(&mut self, identities: Vec<CameraIdentity>, server: &Server) {
+        self.identities = identities;
+        if let Some(newest) = self.storing.newest_for(&self.identities) {
+            let age_s = wall_clock_ns().saturating_sub(newest.made_ns) / 1_000_000_000;
+            tracing::info!(
+                id = newest.id,
+                age_s,
+                "serving the stored calibration until live lines confirm it"
+            );
+            self.publish_stored(&newest, server);
+        }
+    }
+
+    /// Publishes a calibration of an earlier time, which is not verified.
+    fn publish_stored(&mut self, stored: &StoredCalibration, server: &Server) {
+        self.life.on_stored();
+        self.served = Some(stored.calibration.clone());
+        self.progress.note(&stored.calibration);
+        self.publish(storing::message(stored, State::Stored), server);
     }
 
     fn handle(&mut self, event: PipelineEvent, live: &Live<'_>) {
@@ -231,7 +312,7 @@ impl Daemon {
             PipelineEvent::Calibration(solved) if solved.round != live.pipeline.round() => {}
             PipelineEvent::Calibration(solved) => self.take(*solved, live),
             PipelineEvent::Watched(watched) if watched.round != live.pipeline.round() => {}
-            PipelineEvent::Watched(watched) => self.watched(watched.report, &live.pipeline),
+            PipelineEvent::Watched(watched) => self.watched(watched.report, live),
             // The pipeline has logged it, health tells it, and a bug has ended the loop.
             PipelineEvent::Camera { .. } | PipelineEvent::Bug { .. } => {}
         }
@@ -249,24 +330,51 @@ impl Daemon {
             tracing::debug!(state, ms, sentence, "not yet");
         }
         if !self.keeps_result {
-            self.publish(solved, live);
+            self.publish_solved(solved.calibration, live);
         }
     }
 
-    fn publish(&mut self, solved: Solved, live: &Live<'_>) {
-        self.calibration_sequence += 1;
-        let message = CalibrationMessage {
-            sequence: self.calibration_sequence,
+    fn publish_solved(&mut self, calibration: RigCalibration, live: &Live<'_>) {
+        let mut message = CalibrationMessage {
+            sequence: 0,
             stamp_ns: wall_clock_ns(),
+            provenance: Provenance {
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                config_hash: self.config_hash.clone(),
+                ..Provenance::default()
+            },
             cameras: self.identities.clone(),
-            calibration: solved.calibration,
+            calibration,
         };
-        self.note(live.server.publish_calibration(&message));
+        if message.calibration.state == State::Converged {
+            let counts = self.progress.frame_sets(&live.pipeline.snapshot().counts);
+            message.provenance.id = self.storing.add(&message, counts.into());
+        }
+        self.publish(message, live.server);
+    }
+
+    fn publish(&mut self, mut message: CalibrationMessage, server: &Server) {
+        message.sequence = self.published.as_ref().map_or(0, |before| before.sequence) + 1;
+        self.note(server.publish_calibration(&message));
+        self.published = Some(message);
+    }
+
+    /// Live lines agree with the result of an earlier run: it is published again, as one of this run.
+    fn publish_verified(&mut self, server: &Server) {
+        let Some(mut message) = self.published.clone() else { return };
+        tracing::info!(id = message.provenance.id, "the stored calibration is verified");
+        message.calibration.state = State::Converged;
+        self.publish(message, server);
     }
 
     /// The newest word on how the result stands.
-    fn watched(&mut self, report: WatchReport, pipeline: &Pipeline) {
-        if !self.life.on_watched(report) {
+    fn watched(&mut self, report: WatchReport, live: &Live<'_>) {
+        let pipeline = &live.pipeline;
+        let is_news = self.life.on_watched(report);
+        if self.life.on_verified() {
+            self.publish_verified(live.server);
+        }
+        if !is_news {
             return;
         }
         let moved = self.life.watch().map(|watch| watch.moved.as_slice()).unwrap_or_default();
@@ -284,24 +392,44 @@ impl Daemon {
                 self.life.on_moved_restart();
                 self.progress.restart(before.counts);
                 self.keeps_result = true;
+                self.served = None;
             }
         }
     }
 
-    fn answer(&mut self, request: Request, pipeline: &Pipeline) -> Response {
+    fn answer(&mut self, request: Request, live: &Live<'_>) -> Response {
+        let pipeline = &live.pipeline;
         let before = pipeline.snapshot();
-        let outcome = self.life.answer(request.kind, &before, |command| {
+        let mut outcome = self.life.answer(request.kind, &before, |command| {
             let answer = pipeline.command(command);
             if (command, answer) == (Command::Recalibrate, Answer::Accepted) {
                 self.progress.restart(before.counts);
                 self.keeps_result = false;
+                self.served = None;
             }
             answer
         });
+        if (request.kind, &outcome) == (RequestKind::Rollback, &Outcome::Accepted) {
+            outcome = self.go_back(request.calibration, live);
+        }
         if request.kind != RequestKind::Status {
             tracing::info!(request = ?request.kind, ?outcome, "asked");
         }
         Response { outcome, snapshot: self.snapshot(&pipeline.snapshot()) }
+    }
+
+    /// Publishes an older calibration and watches it like one of an earlier run.
+    fn go_back(&mut self, id: u64, live: &Live<'_>) -> Outcome {
+        let stored = match self.storing.go_back(id, &self.identities, wall_clock_ns()) {
+            Ok(stored) => stored,
+            Err((code, sentence)) => return Outcome::Refused { code, sentence },
+        };
+        tracing::info!(id, new_id = stored.id, "going back to an older calibration");
+        self.keeps_result = false;
+        self.progress.restart(live.pipeline.snapshot().counts);
+        self.publish_stored(&stored, live.server);
+        live.pipeline.watch(stored.calibration);
+        Outcome::Accepted
     }
 
     fn snapshot(&self, pipeline: &pipeline::Snapshot) -> Snapshot {
@@ -310,7 +438,10 @@ impl Daemon {
             state: self.life.state(),
             reason: self.life.reason().cloned(),
             watch: self.life.watch().cloned(),
-            calibration_sequence: self.calibration_sequence,
+            calibration_sequence: self.published.as_ref().map_or(0, |message| message.sequence),
+            calibration_id: self.published.as_ref().and_then(|message| message.provenance.id),
+            calibration_stamp_ns: self.published.as_ref().map(|message| message.stamp_ns),
+            store_fault: self.storing.fault().map(str::to_owned),
             uptime_ns: self.health.uptime_ns(),
             frame_sets_used: self.progress.frame_sets(&pipeline.counts).used,
             cameras: pipeline.cameras.len() as u32,
@@ -330,38 +461,6 @@ impl Daemon {
     fn note(&mut self, published: Result<(), ServerError>) {
         if let Err(error) = published {
             self.unpublished = (self.unpublished.0 + 1, Some(error));
-        }
-    }
-}
-
-fn log_moved(moved: &Moved, identities: &[CameraIdentity]) {
-    let name = |camera: usize| identities.get(camera).map_or("?", |camera| camera.name.as_str());
-    let rounded = |value: f64| (value * 100.0).round() / 100.0;
-    let (deg, mm) = (rounded(moved.rotation_rad.to_degrees()), rounded(1e3 * moved.translation_m));
-    let (sigma_deg, sigma_mm) =
-        (rounded(moved.sigma_rotation_rad.to_degrees()), rounded(1e3 * moved.sigma_translation_m));
-    match moved.who {
-        Who::Camera(camera) => {
-            let camera = name(camera);
-            tracing::warn!(
-                camera,
-                deg,
-                mm,
-                sigma_deg,
-                sigma_mm,
-                "camera was moved: the result no longer holds"
-            );
-        }
-        Who::OneOf(a, b) => {
-            let cameras = format!("{}, {}", name(a), name(b));
-            tracing::warn!(
-                cameras,
-                deg,
-                mm,
-                sigma_deg,
-                sigma_mm,
-                "one of two cameras was moved: the result no longer holds"
-            );
         }
     }
 }

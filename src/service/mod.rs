@@ -6,10 +6,12 @@ mod error;
 pub mod logging;
 mod state;
 mod stop;
+mod storing;
 mod telling;
 
+use std::ffi::OsString;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub use daemon::run;
 pub use error::ServiceError;
@@ -23,8 +25,18 @@ use config::{Config, LogLevel};
 /// # Errors
 /// When the config is wrong, the daemon cannot start, or it gives up.
 pub fn start(file: &Path) -> Result<(), ServiceError> {
-    let (_, config) = config::load(file)?;
+    let (_, mut config) = config::load(file)?;
+    if config.store.directory.is_none() {
+        config.store.directory = state_directory(std::env::var_os("STATE_DIRECTORY"));
+    }
     run_process(&config)
+}
+
+/// The folder that systemd has made for this service; the first where it has made several.
+fn state_directory(variable: Option<OsString>) -> Option<PathBuf> {
+    let directories = variable?;
+    let first = std::env::split_paths(&directories).next()?;
+    first.is_absolute().then_some(first)
 }
 
 /// Runs the daemon of the demo under the given name; it ends with the process that started it.
@@ -67,4 +79,17 @@ pub fn check(file: &Path) -> Result<(), ServiceError> {
     let system = |source| ServiceError::System { what: "cannot write to stdout", source };
     let text = serde_yaml::to_string(&sections).map_err(|error| system(std::io::Error::other(error)))?;
     std::io::stdout().lock().write_all(text.as_bytes()).map_err(system)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_the_state_directories_the_first_is_taken_and_a_relative_one_is_none() {
+        let taken = |text: &str| state_directory(Some(OsString::from(text)));
+        assert_eq!(taken("/var/lib/pelical"), Some(PathBuf::from("/var/lib/pelical")));
+        assert_eq!(taken("/var/lib/a:/var/lib/b"), Some(PathBuf::from("/var/lib/a")));
+        assert_eq!((taken(""), taken("pelical"), state_directory(None)), (None, None, None));
+    }
 }

@@ -65,6 +65,23 @@ impl Life {
         now.ne(before.who())
     }
 
+    /// A result of an earlier run is served.
+    pub fn on_stored(&mut self) {
+        (self.state, self.reason) = (State::Stored, None);
+        self.watch = Some(WatchReport::default());
+    }
+
+    /// Whether live lines have just confirmed a result of an earlier run, which from now on is as good as one of this run.
+    pub fn on_verified(&mut self) -> bool {
+        let is_verified =
+            self.watch.as_ref().is_some_and(|watch| watch.is_verified && watch.moved.is_empty());
+        let is_news = is_verified && self.state == State::Stored;
+        if is_news {
+            self.state = State::Converged;
+        }
+        is_news
+    }
+
     /// Collecting begins anew because a camera was moved: that stays true of the published result until there is another one.
     pub fn on_moved_restart(&mut self) {
         (self.state, self.reason) = (State::Collecting, None);
@@ -122,6 +139,8 @@ impl Life {
                     Answer::Busy | Answer::NotCollecting => Outcome::Busy,
                 }
             }
+            // What else speaks against it the history knows.
+            RequestKind::Rollback => Outcome::Accepted,
             RequestKind::Cancel => match command(Command::Cancel) {
                 Answer::Accepted => Outcome::Accepted,
                 Answer::Busy | Answer::NotCollecting => refused(
@@ -206,7 +225,7 @@ mod tests {
             translation_m: 0.02,
             sigma_translation_m: 0.001,
         };
-        WatchReport { moved: vec![moved], sets_since_confirmed: 9 }
+        WatchReport { moved: vec![moved], sets_since_confirmed: 9, is_verified: false }
     }
 
     #[test]
@@ -228,6 +247,21 @@ mod tests {
         assert!(life.is_moved() && life.state() == State::Collecting);
         life.on_restart();
         assert!(!life.is_moved() && life.watch().is_none());
+    }
+
+    #[test]
+    fn a_stored_result_is_verified_once_and_only_where_no_camera_was_moved() {
+        let mut life = Life::new();
+        let verified = WatchReport { is_verified: true, ..WatchReport::default() };
+        life.on_watched(verified.clone());
+        assert!(!life.on_verified(), "collecting has nothing to verify");
+        life.on_stored();
+        assert!(!life.on_verified() && life.state() == State::Stored, "not without being seen");
+        life.on_watched(WatchReport { is_verified: true, ..moved(1) });
+        assert!(!life.on_verified() && life.is_moved());
+        life.on_watched(verified);
+        assert!(life.on_verified() && life.state() == State::Converged);
+        assert!(!life.on_verified(), "no news");
     }
 
     #[test]

@@ -3,11 +3,12 @@
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use crate::ipc::{
-    BestPair, CameraHealth, CameraLines, CameraState, FrameSetCounts, HealthMessage, ProgressMessage, Skew,
-    StageLatency,
+    BestPair, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameSetCounts, HealthMessage,
+    ProgressMessage, Skew, StageLatency,
 };
 use crate::pipeline::{self, CameraSnapshot, Counts, LatencySummary, Progress, Snapshot};
-use crate::solver::{RigCalibration, WatchReport};
+use crate::solver::{Moved, RigCalibration, WatchReport, Who};
+use crate::store;
 
 use super::state::Life;
 
@@ -140,6 +141,13 @@ fn stages(pipeline: &Snapshot) -> Vec<StageLatency> {
     all.into_iter().map(stage).collect()
 }
 
+impl From<FrameSetCounts> for store::FrameSets {
+    fn from(counts: FrameSetCounts) -> Self {
+        let FrameSetCounts { seen, used, refused, dropped } = counts;
+        Self { seen, used, refused, dropped }
+    }
+}
+
 impl From<pipeline::CameraState> for CameraState {
     fn from(state: pipeline::CameraState) -> Self {
         match state {
@@ -165,4 +173,37 @@ fn monotonic_ns() -> u64 {
 
 fn ns(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Says in the log which camera was moved, and how far.
+pub fn log_moved(moved: &Moved, identities: &[CameraIdentity]) {
+    let name = |camera: usize| identities.get(camera).map_or("?", |camera| camera.name.as_str());
+    let rounded = |value: f64| (value * 100.0).round() / 100.0;
+    let (deg, mm) = (rounded(moved.rotation_rad.to_degrees()), rounded(1e3 * moved.translation_m));
+    let (sigma_deg, sigma_mm) =
+        (rounded(moved.sigma_rotation_rad.to_degrees()), rounded(1e3 * moved.sigma_translation_m));
+    match moved.who {
+        Who::Camera(camera) => {
+            let camera = name(camera);
+            tracing::warn!(
+                camera,
+                deg,
+                mm,
+                sigma_deg,
+                sigma_mm,
+                "camera was moved: the result no longer holds"
+            );
+        }
+        Who::OneOf(a, b) => {
+            let cameras = format!("{}, {}", name(a), name(b));
+            tracing::warn!(
+                cameras,
+                deg,
+                mm,
+                sigma_deg,
+                sigma_mm,
+                "one of two cameras was moved: the result no longer holds"
+            );
+        }
+    }
 }

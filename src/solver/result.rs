@@ -11,6 +11,8 @@ pub enum State {
     Collecting,
     /// Every test passed.
     Converged,
+    /// Every test was passed in an earlier run; live lines have not confirmed it yet. No estimator answers this.
+    Stored,
     /// The evidence leaves a degree of freedom open.
     Degenerate,
     /// Another pose explains the evidence about as well.
@@ -25,6 +27,7 @@ impl State {
         match self {
             State::Collecting => "collecting",
             State::Converged => "converged",
+            State::Stored => "stored",
             State::Degenerate => "degenerate",
             State::Ambiguous => "ambiguous",
             State::Failed => "failed",
@@ -134,6 +137,17 @@ pub struct PairEstimate {
     pub residual_px: f64,
     /// Root mean square distance between the lines at the target segment's ends, m.
     pub residual_m: f64,
+    /// The same of each match that both sides lifted. Not sent over shared memory: there it is empty.
+    pub line_residuals: Vec<LineResidual>,
+}
+
+/// How well a pose explains one match: root mean square over the two ends of the target's segment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineResidual {
+    /// Distance of the ends from the predicted line, px.
+    pub offset_px: f64,
+    /// Distance between the lines there, m.
+    pub distance_m: f64,
 }
 
 /// What was found for the whole rig.

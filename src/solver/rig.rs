@@ -7,8 +7,8 @@ use super::evidence::{Evidence, EvidenceLimits};
 use super::joint::JointPoses;
 use super::pair_graph::{JudgedPair, distrust_open_loops, join};
 use super::paper::rig_pair::pose_by_paper;
-use super::result::{CameraPose, PairEstimate, Reason, ReasonCode, RigCalibration, State};
-use super::verdict::{Bench, VerdictLimits, judge, residuals};
+use super::result::{CameraPose, LineResidual, PairEstimate, Reason, ReasonCode, RigCalibration, State};
+use super::verdict::{Bench, VerdictLimits, judge, line_residuals};
 use crate::geometry::{Camera, CameraView, PairScores};
 
 /// Which estimator finds the pose of a pair; the verdict is the same.
@@ -163,6 +163,7 @@ impl RigEstimator {
             lead: None,
             residual_px: 0.0,
             residual_m: 0.0,
+            line_residuals: Vec::new(),
         };
         let limits = RankLimits {
             cameras: &self.cameras,
@@ -196,14 +197,15 @@ impl RigEstimator {
         (estimate.state, estimate.reason) = verdict;
         let pose = ranking.best.refined.target_from_source;
         let scene = Scene { pair, candidates: &ranking.candidates };
-        let (offset, distance_m) = residuals(&scene, &ranking.best);
         estimate.target_from_source = Some(pose);
         estimate.full = ranking.best.matches.len();
         estimate.pnl = ranking.best.pnl.len();
         estimate.matches = ranking.best.n_matches();
         estimate.lead = ranking.lead();
-        estimate.residual_px = offset * self.cameras[target].mean_focal_px();
-        estimate.residual_m = distance_m;
+        let lines = line_residuals(&scene, &ranking.best, self.cameras[target].mean_focal_px());
+        estimate.residual_px = root_mean_square(&lines, |line| line.offset_px);
+        estimate.residual_m = root_mean_square(&lines, |line| line.distance_m);
+        estimate.line_residuals = lines;
         JudgedPair { estimate, ranking: Some(ranking) }
     }
 
@@ -278,6 +280,12 @@ fn trusted(
         sure @ (State::Converged, _) => (sure, Ranking { candidates: ranking.candidates, ..*by_lines }),
         _ => (verdict, ranking),
     }
+}
+
+/// Over all lines; 0 without any.
+fn root_mean_square(lines: &[LineResidual], of: fn(&LineResidual) -> f64) -> f64 {
+    let sum2: f64 = lines.iter().map(|line| of(line) * of(line)).sum();
+    (sum2 / lines.len().max(1) as f64).sqrt()
 }
 
 /// The paper's pose, confronted with surfaces and missing lines as those of the consensus are.

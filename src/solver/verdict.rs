@@ -7,13 +7,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::association::Scene;
+use super::association::{Match, Scene};
 use super::axes::{in_words, worst_axis};
 use super::consensus::{Hypothesis, Ranking};
 use super::noise::{MAX_NOISE_SCALE, covariance};
 use super::pnl::Matched;
 use super::refine::{Refined, TO_THE_MINIMUM};
-use super::result::{Reason, ReasonCode, State};
+use super::result::{LineResidual, Reason, ReasonCode, State};
 use crate::geometry::motion::{rotation_gap_rad, translation_gap_m};
 
 /// Limits of the verdict.
@@ -277,24 +277,21 @@ fn gap(first: &Refined, second: &Refined) -> Vector6<f64> {
     Vector6::new(translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z)
 }
 
-/// Root mean square distance of the target's segment ends from the predicted lines (z = 1), and of the lines there, m.
-pub fn residuals(scene: &Scene<'_>, best: &Hypothesis) -> (f64, f64) {
-    let (mut offsets2, mut distances2, mut n) = (0.0, 0.0, 0.0);
-    for found in &best.matches {
-        let Some((target, source)) = scene.pair.pair(&scene.candidates[found.candidate]) else { continue };
-        let Some(compared) =
-            super::residual::match_residual(target, source, &best.refined.target_from_source)
-        else {
-            continue;
-        };
+/// How well a pose explains each match that both sides lifted; `focal_px` is that of the target.
+pub fn line_residuals(scene: &Scene<'_>, best: &Hypothesis, focal_px: f64) -> Vec<LineResidual> {
+    let residual = |found: &Match| {
+        let (target, source) = scene.pair.pair(&scene.candidates[found.candidate])?;
+        let compared = super::residual::match_residual(target, source, &best.refined.target_from_source)?;
+        let (mut offsets2, mut distances2) = (0.0, 0.0);
         for (i, end_m) in target.ends_m.iter().enumerate() {
             // Offsets on z = 1 grow with depth; an error dq of the inverse depth moves the point by z² dq.
             let across_m = compared.residual[i] * end_m.z;
             let along_m = compared.residual[2 + i] * end_m.z * end_m.z;
             offsets2 += compared.residual[i] * compared.residual[i];
             distances2 += across_m * across_m + along_m * along_m;
-            n += 1.0;
         }
-    }
-    if n == 0.0 { (0.0, 0.0) } else { ((offsets2 / n).sqrt(), (distances2 / n).sqrt()) }
+        let mean = |sum2: f64| (sum2 / target.ends_m.len() as f64).sqrt();
+        Some(LineResidual { offset_px: mean(offsets2) * focal_px, distance_m: mean(distances2) })
+    };
+    best.matches.iter().filter_map(residual).collect()
 }

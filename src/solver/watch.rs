@@ -72,6 +72,9 @@ pub struct WatchReport {
     pub moved: Vec<Moved>,
     /// Frame sets since the result was last confirmed: large when the cameras see nothing in common.
     pub sets_since_confirmed: u64,
+    /// Whether lines seen since the watch began vouch for the place of every camera, as surely as a calibration must; what a
+    /// result of an earlier run has to show.
+    pub is_verified: bool,
 }
 
 impl WatchReport {
@@ -149,6 +152,7 @@ impl Watch {
                 for pair in &mut self.pairs {
                     pair.is_accused = moved.iter().any(|moved| moved.who.concerns(pair.cameras));
                 }
+                self.report.is_verified = self.is_every_camera_vouched_for();
             }
         }
         &self.report
@@ -173,6 +177,22 @@ impl Watch {
         let is_back =
             self.pairs.iter().zip(&sights).all(|(pair, sight)| is_confirmed(sight) || !pair.is_accused);
         if is_back && sights.iter().any(is_confirmed) { Finding::Confirmed } else { Finding::CannotTell }
+    }
+
+    /// Whether pairs that live lines vouch for connect all cameras.
+    fn is_every_camera_vouched_for(&self) -> bool {
+        let mut is_reached = vec![false; self.cameras.len()];
+        is_reached.iter_mut().take(1).for_each(|first| *first = true);
+        let vouched: Vec<[usize; 2]> =
+            self.pairs.iter().filter(|pair| pair.is_vouched_for()).map(|pair| pair.cameras).collect();
+        // Each round reaches a camera or is the last.
+        for _ in 0..self.cameras.len() {
+            for &[a, b] in &vouched {
+                let either = is_reached[a] || is_reached[b];
+                (is_reached[a], is_reached[b]) = (either, either);
+            }
+        }
+        self.report.moved.is_empty() && is_reached.len() > 1 && is_reached.into_iter().all(|reached| reached)
     }
 
     /// Raises or takes back the alarm when a finding is made often enough in succession.

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use pelical::geometry::motion::Motion;
 use pelical::ipc::{
-    Activity, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, Client,
-    ClientError, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage, RefusalCode, Request,
-    RequestKind, Response, Server, ServerError, Skew, Snapshot, StageLatency,
+    Activity, Archived, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, Client,
+    ClientError, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage, Provenance,
+    RefusalCode, Request, RequestKind, Response, Server, ServerError, Skew, Snapshot, StageLatency,
 };
 use pelical::solver::{CameraPose, Reason, ReasonCode, RigCalibration, State};
 
@@ -27,10 +27,12 @@ fn calibration(sequence: u64) -> CalibrationMessage {
     let pose =
         |motion| Some(CameraPose { reference_from_camera: motion, covariance: nalgebra::Matrix6::zeros() });
     let turned = Motion::new(nalgebra::Vector3::new(0.3, -0.1, 0.02), nalgebra::Vector3::new(0.0, 1.2, 0.0));
-    let identity = |name: &str| CameraIdentity { name: name.to_owned(), serial: "0123".to_owned() };
+    let identity =
+        |name: &str| CameraIdentity { name: name.to_owned(), serial: "0123".to_owned(), firmware: None };
     CalibrationMessage {
         sequence,
         stamp_ns: 1_800_000_000_000_000_000,
+        provenance: Provenance { id: Some(sequence), ..Provenance::default() },
         cameras: vec![identity("left"), identity("right")],
         calibration: RigCalibration {
             state: State::Converged,
@@ -83,6 +85,9 @@ fn snapshot() -> Snapshot {
         reason: Some(Reason { code: ReasonCode::NotEnoughEvidence, sentence: "3 lines so far".to_owned() }),
         watch: None,
         calibration_sequence: 0,
+        calibration_id: None,
+        calibration_stamp_ns: None,
+        store_fault: None,
         uptime_ns: 7,
         frame_sets_used: 2,
         cameras: 2,
@@ -95,12 +100,24 @@ fn answer(request: Request) -> Response {
     let outcome = match request.kind {
         RequestKind::Status => Outcome::Accepted,
         RequestKind::Recalibrate => Outcome::Busy,
+        RequestKind::Rollback => Outcome::Refused {
+            code: RefusalCode::UnknownCalibration,
+            sentence: format!("no calibration {}", request.calibration),
+        },
         RequestKind::Cancel => Outcome::Refused {
             code: RefusalCode::NothingToCancel,
             sentence: "no calibration runs: nothing to cancel".to_owned(),
         },
     };
     Response { outcome, snapshot: snapshot() }
+}
+
+/// A history of calibrations 1 to 40.
+fn archived_below(below: u64) -> Archived {
+    match below.min(41) {
+        0 | 1 => Archived::NoOlder,
+        below => Archived::Found(Box::new(calibration(below - 1))),
+    }
 }
 
 type Job = Box<dyn FnOnce(&Server) + Send>;
@@ -124,6 +141,7 @@ impl Daemon {
                     Ok(job) => job(&server),
                     Err(mpsc::TryRecvError::Empty) => {
                         server.poll(Duration::from_millis(20), answer).expect("polling works");
+                        server.poll_archive(archived_below).expect("polling works");
                     }
                     Err(mpsc::TryRecvError::Disconnected) => return,
                 }
@@ -186,6 +204,29 @@ fn each_kind_of_request_gets_its_typed_answer() {
     assert_eq!(client.recalibrate(PLENTY).expect("answered").outcome, Outcome::Busy);
     let refused = client.cancel(PLENTY).expect("answered").outcome;
     assert!(matches!(refused, Outcome::Refused { code: RefusalCode::NothingToCancel, .. }), "{refused:?}");
+}
+
+#[test]
+fn a_whole_history_comes_newest_first_to_several_clients_at_once() {
+    let instance = unique_instance();
+    let _daemon = Daemon::start(&instance);
+    let read = |mut client: Client| {
+        let (mut found, mut below) = (Vec::new(), u64::MAX);
+        while let Archived::Found(message) = client.archived_below(below, PLENTY).expect("answered") {
+            below = message.provenance.id.expect("kept");
+            found.push(below);
+        }
+        assert_eq!(found, (1..=40).rev().collect::<Vec<_>>());
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| read(Client::connect(&instance).expect("the daemon runs")));
+        }
+    });
+    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let refused = client.rollback(7, PLENTY).expect("answered").outcome;
+    let code = RefusalCode::UnknownCalibration;
+    assert_eq!(refused, Outcome::Refused { code, sentence: "no calibration 7".to_owned() });
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod env;
 mod faults;
 mod fixture;
 mod frame_source;
+mod history;
 mod ipc;
 mod lifting;
 mod matching;

@@ -12,7 +12,8 @@ pub const USES: [(&str, &[&str]); 11] = [
     ("capture", &["geometry", "image"]),
     ("pipeline", &["geometry", "image", "lines", "learned", "solver", "capture"]),
     ("ipc", &["geometry", "solver"]),
-    ("service", &["geometry", "lines", "learned", "solver", "capture", "pipeline", "ipc"]),
+    ("store", &["geometry", "solver"]),
+    ("service", &["geometry", "lines", "learned", "solver", "capture", "pipeline", "ipc", "store"]),
     (
         "cli",
         &[

@@ -3,6 +3,7 @@
 use nalgebra::Matrix6;
 use serde::Serialize;
 
+use super::history::ProvenanceEntry;
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use crate::ipc::CameraIdentity;
 use crate::solver::{CameraPose, PairEstimate, Reason, RigCalibration};
@@ -20,6 +21,8 @@ pub struct Findings<'a> {
     pub timing_ms: TimingMs,
     /// Where the cameras truly are, in the frame of the first one; the estimator has never seen it.
     pub truth: Option<&'a [Motion]>,
+    /// Where a daemon's result comes from.
+    pub provenance: Option<ProvenanceEntry>,
 }
 
 /// `pelical.calibration/1`.
@@ -47,6 +50,9 @@ pub struct CalibrationDocument {
     /// Errors against the ground truth, where it is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<Vec<TruthEntry>>,
+    /// Of a daemon's result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<ProvenanceEntry>,
 }
 
 /// Why a state is not converged.
@@ -178,7 +184,7 @@ pub struct EvaluatedRecording {
 impl CalibrationDocument {
     /// The document of a result; angles and lengths in the user's units.
     pub fn new(findings: &Findings<'_>) -> Self {
-        let Findings { cameras, calibration, frame_sets, timing_ms, truth } = *findings;
+        let Findings { cameras, calibration, frame_sets, timing_ms, truth, .. } = *findings;
         let name = |index: usize| cameras.get(index).map_or_else(String::new, |camera| camera.name.clone());
         let others = || (0..cameras.len()).filter(|&index| index != calibration.reference);
         let place = |index: usize| calibration.cameras.get(index).and_then(Option::as_ref);
@@ -201,6 +207,7 @@ impl CalibrationDocument {
                 };
                 others().map(error).collect()
             }),
+            provenance: findings.provenance.clone(),
         }
     }
 

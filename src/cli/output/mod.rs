@@ -3,6 +3,8 @@
 pub mod associations;
 pub mod bench;
 pub mod document;
+pub mod export;
+pub mod history;
 pub mod matching;
 pub mod matching_text;
 pub mod moved;
@@ -11,6 +13,7 @@ pub mod status;
 #[cfg(test)]
 mod tests;
 pub mod text;
+pub mod time;
 pub mod words;
 
 use std::io::{self, Write};

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::document::ReasonEntry;
 use super::moved::{self, MovedEntry};
 use super::text::table;
+use super::time::{age_in_words, age_s, now_ns};
 use crate::ipc::{
     CameraHealth, HealthMessage, InstanceName, Outcome, ProgressMessage, Snapshot, StageLatency,
 };
@@ -20,7 +21,8 @@ pub struct StatusDocument {
     pub instance: String,
     /// What it does: starting, collecting, watching, idle or stopping.
     pub activity: &'static str,
-    /// The newest verdict; `moved` when a camera was moved since the published result was made.
+    /// The newest verdict; `stored` when that is of an earlier run and not verified yet; `moved` when a camera was moved since the
+    /// published result was made.
     pub state: &'static str,
     /// Why that is not converged.
     pub reason: Option<ReasonEntry>,
@@ -30,6 +32,12 @@ pub struct StatusDocument {
     pub sets_since_confirmed: Option<u64>,
     /// Number of the newest calibration; 0 before the first.
     pub calibration_sequence: u64,
+    /// Its number in the history; null where it is not kept.
+    pub calibration_id: Option<u64>,
+    /// Since it was made; null before the first, or when the clock stands before that.
+    pub calibration_age_s: Option<f64>,
+    /// Why calibrations cannot be kept at present; null while they can, or need not be.
+    pub store_fault: Option<String>,
     /// Since the daemon started.
     pub uptime_s: f64,
     /// What became of the frame sets since collecting began.
@@ -123,6 +131,9 @@ impl StatusDocument {
             moved,
             sets_since_confirmed: watch.map(|watch| watch.sets_since_confirmed),
             calibration_sequence: snapshot.calibration_sequence,
+            calibration_id: snapshot.calibration_id,
+            calibration_age_s: snapshot.calibration_stamp_ns.and_then(|made_ns| age_s(made_ns, now_ns())),
+            store_fault: snapshot.store_fault.clone(),
             uptime_s: snapshot.uptime_ns as f64 * 1e-9,
             frame_sets: FrameSetStatus {
                 seen: sets.seen,
@@ -198,6 +209,13 @@ pub fn text(status: &StatusDocument) -> String {
     let FrameSetStatus { seen, used, refused, dropped } = status.frame_sets;
     let _ = writeln!(text, "frame sets  {seen} seen, {used} used, {refused} refused, {dropped} dropped");
     let _ = writeln!(text, "results     {}", status.calibration_sequence);
+    if status.calibration_sequence > 0 {
+        let id = status.calibration_id.map_or_else(String::new, |id| format!("calibration {id}, "));
+        let _ = writeln!(text, "published   {id}made {}", age_in_words(status.calibration_age_s));
+    }
+    if let Some(fault) = &status.store_fault {
+        let _ = writeln!(text, "not kept    {fault}");
+    }
     if let Some(sets) = status.sets_since_confirmed {
         let _ = writeln!(text, "confirmed   {sets} compared frame sets ago");
     }

@@ -16,7 +16,7 @@ use crate::solver::{
 };
 
 fn identity(name: &str) -> CameraIdentity {
-    CameraIdentity { name: name.into(), serial: format!("s-{name}") }
+    CameraIdentity { name: name.into(), serial: format!("s-{name}"), firmware: None }
 }
 
 fn pair(matches: usize) -> PairEstimate {
@@ -32,6 +32,7 @@ fn pair(matches: usize) -> PairEstimate {
         lead: Some(2.5),
         residual_px: if matches > 0 { 0.6 } else { f64::NAN },
         residual_m: if matches > 0 { 0.0041 } else { f64::NAN },
+        line_residuals: Vec::new(),
     }
 }
 
@@ -55,6 +56,7 @@ fn document(calibration: &RigCalibration, truth: Option<&[Motion]>) -> Calibrati
         frame_sets: FrameSets { seen: 12, used: 12, refused: 0 },
         timing_ms: TimingMs { total: Some(5.0), ..TimingMs::default() },
         truth,
+        provenance: None,
     })
 }
 
@@ -153,6 +155,7 @@ fn a_missing_camera_is_told_with_its_reason_while_the_others_have_their_places()
         frame_sets: FrameSets::default(),
         timing_ms: TimingMs::default(),
         truth: None,
+        provenance: None,
     });
     let json = serde_json::to_value(&document).expect("serialisable");
     let reason = json!({"code": "no_lines", "sentence": "door from left: door saw no straight edge"});
@@ -195,7 +198,7 @@ fn words_of_a_moved_camera() -> (Snapshot, HealthMessage) {
         translation_m: 0.02,
         sigma_translation_m: 0.0005,
     };
-    let watch = Some(WatchReport { moved: vec![moved], sets_since_confirmed: 12 });
+    let watch = Some(WatchReport { moved: vec![moved], sets_since_confirmed: 12, is_verified: false });
     let camera = |name: &str| CameraHealth {
         name: name.to_owned(),
         state: CameraState::Streaming,
@@ -217,6 +220,9 @@ fn words_of_a_moved_camera() -> (Snapshot, HealthMessage) {
         reason: None,
         watch,
         calibration_sequence: 3,
+        calibration_id: Some(5),
+        calibration_stamp_ns: Some(1_700_000_000_000_000_000),
+        store_fault: None,
         uptime_ns: 1,
         frame_sets_used: 2,
         cameras: 2,

@@ -11,6 +11,9 @@ pub fn calibration(document: &CalibrationDocument) -> String {
     if let Some(reason) = &document.reason {
         let _ = writeln!(text, "reason      {} ({})", reason.sentence, reason.code);
     }
+    if let Some(provenance) = &document.provenance {
+        let _ = writeln!(text, "kept        {}", provenance.text());
+    }
     let sets = &document.frame_sets;
     let _ = writeln!(text, "frame sets  {} seen, {} used, {} refused", sets.seen, sets.used, sets.refused);
     let times = timing(&document.timing_ms);

@@ -1,24 +1,24 @@
-//! `pelical/<instance>/v2/calibration`: the newest calibration.
+//! `pelical/<instance>/v3/calibration`: the newest calibration.
 
 use iceoryx2::prelude::ZeroCopySend;
 use nalgebra::Matrix6;
 
 use super::parts::{FixedText, MotionWire, ReasonWire, state_code, state_of};
 use super::{
-    MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, VERSION, WireError, check_version, count, count_wire, flag,
-    index, not_negative, pair_indices,
+    MAX_CAMERAS, MAX_HASH_BYTES, MAX_NAME_BYTES, MAX_PAIRS, VERSION, WireError, check_version, count,
+    count_wire, flag, index, not_negative, pair_indices,
 };
-use crate::ipc::message::{CalibrationMessage, CameraIdentity};
+use crate::ipc::message::{CalibrationMessage, CameraIdentity, Provenance};
 use crate::solver::{CameraPose, PairEstimate, RigCalibration, State};
 
 /// The newest calibration in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCalibrationV2")]
+#[type_name("PelicalCalibrationV3")]
 pub struct CalibrationWire {
     /// [`VERSION`].
     pub version: u32,
-    /// Verdict: 1 collecting, 2 converged, 3 degenerate, 4 ambiguous, 5 failed.
+    /// Verdict: 1 collecting, 2 converged, 3 degenerate, 4 ambiguous, 5 failed, 6 stored.
     pub state: u32,
     /// Counts the calibrations of this daemon, from 1.
     pub sequence: u64,
@@ -34,6 +34,14 @@ pub struct CalibrationWire {
     pub n_pairs: u32,
     /// Zero.
     pub reserved: u32,
+    /// Its number in the daemon's history; 0 where it is not kept.
+    pub id: u64,
+    /// The number of the older one that somebody went back to; 0 for none.
+    pub restored_from: u64,
+    /// Version of the program that made it.
+    pub made_by: FixedText<MAX_NAME_BYTES>,
+    /// SHA-256 of the config it was made with, hex; empty where unknown.
+    pub config_hash: FixedText<MAX_HASH_BYTES>,
     /// Why it is not converged.
     pub reason: ReasonWire,
     /// The cameras.
@@ -45,16 +53,16 @@ pub struct CalibrationWire {
 /// One camera of a calibration.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCameraV2")]
+#[type_name("PelicalCameraV3")]
 pub struct CameraWire {
     /// Name from the config.
     pub name: FixedText<MAX_NAME_BYTES>,
     /// Serial number.
     pub serial: FixedText<MAX_NAME_BYTES>,
+    /// Firmware version; empty where unknown.
+    pub firmware: FixedText<MAX_NAME_BYTES>,
     /// 1 where the pose is known, 0 where the evidence does not reach.
     pub has_pose: u32,
-    /// Zero.
-    pub reserved: u32,
     /// The camera's frame in the reference camera's frame.
     pub reference_from_camera: MotionWire,
     /// Row-major 6x6, ordered x y z rx ry rz, m and rad.
@@ -64,7 +72,7 @@ pub struct CameraWire {
 /// One pair of a calibration.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalPairV2")]
+#[type_name("PelicalPairV3")]
 pub struct PairWire {
     /// Index of the target camera.
     pub target: u32,
@@ -97,8 +105,8 @@ pub struct PairWire {
 const NO_CAMERA: CameraWire = CameraWire {
     name: FixedText::EMPTY,
     serial: FixedText::EMPTY,
+    firmware: FixedText::EMPTY,
     has_pose: 0,
-    reserved: 0,
     reference_from_camera: MotionWire::NONE,
     covariance: [0.0; 36],
 };
@@ -119,6 +127,28 @@ const NO_PAIR: PairWire = PairWire {
     reason: ReasonWire::NONE,
 };
 
+impl CalibrationWire {
+    /// Where there is no calibration: zeros, which no reader takes for one.
+    pub(super) const EMPTY: Self = Self {
+        version: 0,
+        state: 0,
+        sequence: 0,
+        stamp_ns: 0,
+        frame_sets_used: 0,
+        reference: 0,
+        n_cameras: 0,
+        n_pairs: 0,
+        reserved: 0,
+        id: 0,
+        restored_from: 0,
+        made_by: FixedText::EMPTY,
+        config_hash: FixedText::EMPTY,
+        reason: ReasonWire::NONE,
+        cameras: [NO_CAMERA; MAX_CAMERAS],
+        pairs: [NO_PAIR; MAX_PAIRS],
+    };
+}
+
 impl TryFrom<&CalibrationMessage> for CalibrationWire {
     type Error = WireError;
 
@@ -137,10 +167,12 @@ impl TryFrom<&CalibrationMessage> for CalibrationWire {
             reference: count_wire("reference", rig.reference, MAX_CAMERAS)?,
             n_cameras,
             n_pairs: count_wire("pairs", rig.pairs.len(), MAX_PAIRS)?,
-            reserved: 0,
+            id: message.provenance.id.unwrap_or(0),
+            restored_from: message.provenance.restored_from.unwrap_or(0),
+            made_by: FixedText::exact("made_by", &message.provenance.version)?,
+            config_hash: FixedText::exact("config_hash", &message.provenance.config_hash)?,
             reason: ReasonWire::encode(rig.reason.as_ref()),
-            cameras: [NO_CAMERA; MAX_CAMERAS],
-            pairs: [NO_PAIR; MAX_PAIRS],
+            ..Self::EMPTY
         };
         let known = message.cameras.iter().zip(&rig.cameras);
         for (slot, (identity, pose)) in wire.cameras.iter_mut().zip(known) {
@@ -158,6 +190,7 @@ fn camera_wire(identity: &CameraIdentity, pose: Option<&CameraPose>) -> Result<C
     let mut wire = NO_CAMERA;
     wire.name = FixedText::exact("camera name", &identity.name)?;
     wire.serial = FixedText::exact("camera serial", &identity.serial)?;
+    wire.firmware = FixedText::exact("camera firmware", identity.firmware.as_deref().unwrap_or(""))?;
     if let Some(pose) = pose {
         wire.has_pose = 1;
         wire.reference_from_camera = MotionWire::encode(&pose.reference_from_camera);
@@ -199,7 +232,8 @@ impl TryFrom<&CalibrationWire> for CalibrationMessage {
         let mut poses = Vec::with_capacity(n_cameras);
         for camera in wire.cameras.iter().take(n_cameras) {
             let name = camera.name.text("camera name")?;
-            cameras.push(CameraIdentity { name, serial: camera.serial.text("camera serial")? });
+            let firmware = Some(camera.firmware.text("camera firmware")?).filter(|text| !text.is_empty());
+            cameras.push(CameraIdentity { name, serial: camera.serial.text("camera serial")?, firmware });
             poses.push(pose_of(camera)?);
         }
         let calibration = RigCalibration {
@@ -215,10 +249,17 @@ impl TryFrom<&CalibrationWire> for CalibrationMessage {
                 .collect::<Result<_, _>>()?,
             frame_sets_used: wire.frame_sets_used as usize,
         };
-        if calibration.state == State::Converged && calibration.cameras.iter().any(Option::is_none) {
+        let is_complete = matches!(calibration.state, State::Converged | State::Stored);
+        if is_complete && calibration.cameras.iter().any(Option::is_none) {
             return Err(WireError::Value { field: "cameras", allowed: "all with a pose when converged" });
         }
-        Ok(Self { sequence: wire.sequence, stamp_ns: wire.stamp_ns, cameras, calibration })
+        let provenance = Provenance {
+            id: Some(wire.id).filter(|id| *id > 0),
+            restored_from: Some(wire.restored_from).filter(|id| *id > 0),
+            version: wire.made_by.text("made_by")?,
+            config_hash: wire.config_hash.text("config_hash")?,
+        };
+        Ok(Self { sequence: wire.sequence, stamp_ns: wire.stamp_ns, provenance, cameras, calibration })
     }
 }
 
@@ -251,6 +292,7 @@ fn pair_of(pair: &PairWire, n_cameras: usize) -> Result<PairEstimate, WireError>
         pnl: pair.pnl as usize,
         residual_px: not_negative("pair residual_px", pair.residual_px)?,
         residual_m: not_negative("pair residual_m", pair.residual_m)?,
+        line_residuals: Vec::new(),
         lead: Some(not_negative("pair lead", pair.lead)?).filter(|lead| *lead > 0.0),
     })
 }

@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v2/health`: how the daemon and its cameras are.
+//! `pelical/<instance>/v3/health`: how the daemon and its cameras are.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -16,7 +16,7 @@ const NEVER_NS: u64 = u64::MAX;
 /// How the daemon and its cameras are, in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalHealthV2")]
+#[type_name("PelicalHealthV3")]
 pub struct HealthWire {
     /// [`VERSION`].
     pub version: u32,
@@ -41,7 +41,7 @@ pub struct HealthWire {
 /// How one camera is.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalCameraHealthV2")]
+#[type_name("PelicalCameraHealthV3")]
 pub struct CameraHealthWire {
     /// Name from the config.
     pub name: FixedText<MAX_NAME_BYTES>,
@@ -60,7 +60,7 @@ pub struct CameraHealthWire {
 /// How long one stage takes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalStageV2")]
+#[type_name("PelicalStageV3")]
 pub struct StageWire {
     /// Name of the stage.
     pub stage: FixedText<MAX_NAME_BYTES>,

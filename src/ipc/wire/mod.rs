@@ -5,6 +5,7 @@
 //! lists start at 1 in the order of their `ALL`, so that zeroed memory is never a value. Encoding decodes what it made: what a
 //! reader would refuse is never sent.
 
+mod archive;
 mod calibration;
 mod control;
 mod health;
@@ -12,6 +13,7 @@ mod parts;
 mod progress;
 mod watch;
 
+pub use archive::{ArchiveRequestWire, ArchiveResponseWire};
 pub use calibration::{CalibrationWire, CameraWire, PairWire};
 pub use control::{RequestWire, ResponseWire};
 pub use health::{CameraHealthWire, HealthWire, StageWire};
@@ -20,7 +22,7 @@ pub use progress::{CameraLinesWire, ProgressWire};
 pub use watch::{MovedWire, WatchWire};
 
 /// Version of every payload and of the service names.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Most cameras of a rig.
 pub const MAX_CAMERAS: usize = 16;
 /// Most pairs: every pair of [`MAX_CAMERAS`] cameras once.
@@ -31,6 +33,8 @@ pub const MAX_MOVED: usize = 8;
 pub const MAX_STAGES: usize = 8;
 /// Longest name or serial number, bytes.
 pub const MAX_NAME_BYTES: usize = 32;
+/// Longest hash, bytes: SHA-256 in hex.
+pub const MAX_HASH_BYTES: usize = 64;
 /// Longest sentence of a reason, bytes; longer ones are cut.
 pub const MAX_SENTENCE_BYTES: usize = 504;
 

@@ -11,13 +11,13 @@ use crate::solver::{Reason, ReasonCode, State};
 const NORM_TOLERANCE: f64 = 1e-9;
 
 /// Verdicts in the order of the wire format.
-const STATES: [State; 5] =
-    [State::Collecting, State::Converged, State::Degenerate, State::Ambiguous, State::Failed];
+const STATES: [State; 6] =
+    [State::Collecting, State::Converged, State::Degenerate, State::Ambiguous, State::Failed, State::Stored];
 
 /// UTF-8 text of at most `N` bytes, followed by zeros.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalTextV2")]
+#[type_name("PelicalTextV3")]
 pub struct FixedText<const N: usize> {
     /// Bytes in use.
     pub len: u32,
@@ -60,7 +60,7 @@ impl<const N: usize> FixedText<N> {
 /// Why something is not converged; code 0 is no reason.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalReasonV2")]
+#[type_name("PelicalReasonV3")]
 pub struct ReasonWire {
     /// Position in `ReasonCode::ALL` plus 1; 0 for no reason.
     pub code: u32,
@@ -91,7 +91,7 @@ impl ReasonWire {
 /// A rigid motion.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalMotionV2")]
+#[type_name("PelicalMotionV3")]
 pub struct MotionWire {
     /// m.
     pub translation_m: [f64; 3],

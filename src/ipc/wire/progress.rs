@@ -1,4 +1,4 @@
-//! `pelical/<instance>/v2/progress`: how collecting goes.
+//! `pelical/<instance>/v3/progress`: how collecting goes.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -9,11 +9,11 @@ use crate::ipc::message::{BestPair, CameraLines, FrameSetCounts, ProgressMessage
 /// How collecting goes, in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalProgressV2")]
+#[type_name("PelicalProgressV3")]
 pub struct ProgressWire {
     /// [`VERSION`].
     pub version: u32,
-    /// Verdict: 1 collecting, 2 converged, 3 degenerate, 4 ambiguous, 5 failed.
+    /// Verdict: 1 collecting, 2 converged, 3 degenerate, 4 ambiguous, 5 failed, 6 stored.
     pub state: u32,
     /// Counts the progress messages of this daemon, from 1.
     pub sequence: u64,
@@ -54,7 +54,7 @@ pub struct ProgressWire {
 /// Lines of one camera.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("PelicalCameraLinesV2")]
+#[type_name("PelicalCameraLinesV3")]
 pub struct CameraLinesWire {
     /// Straight segments.
     pub lines: u32,

@@ -31,12 +31,23 @@ fn calibration() -> CalibrationMessage {
         lead: Some(2.5),
         residual_px: 0.6,
         residual_m: 0.004,
+        line_residuals: Vec::new(),
     };
     CalibrationMessage {
         sequence: 7,
         stamp_ns: 1_800_000_000_000_000_001,
+        provenance: Provenance {
+            id: Some(17),
+            restored_from: Some(9),
+            version: "0.1.0".to_owned(),
+            config_hash: "ab".repeat(32),
+        },
         cameras: ["left", "rechts ü", "x"]
-            .map(|name| CameraIdentity { name: name.to_owned(), serial: "0123456789".to_owned() })
+            .map(|name| CameraIdentity {
+                name: name.to_owned(),
+                serial: "0123456789".to_owned(),
+                firmware: Some("5.16".to_owned()),
+            })
             .to_vec(),
         calibration: RigCalibration {
             state: State::Degenerate,
@@ -72,7 +83,11 @@ fn watch() -> WatchReport {
         translation_m: 0.02,
         sigma_translation_m: 0.0005,
     };
-    WatchReport { moved: vec![moved(Who::Camera(2)), moved(Who::OneOf(0, 1))], sets_since_confirmed: 17 }
+    WatchReport {
+        moved: vec![moved(Who::Camera(2)), moved(Who::OneOf(0, 1))],
+        sets_since_confirmed: 17,
+        is_verified: true,
+    }
 }
 
 fn health() -> HealthMessage {
@@ -100,6 +115,9 @@ fn response(outcome: Outcome) -> Response {
         reason: Some(Reason { code: ReasonCode::RunnerUpTooClose, sentence: "9 against 8".to_owned() }),
         watch: Some(watch()),
         calibration_sequence: 4,
+        calibration_id: Some(17),
+        calibration_stamp_ns: Some(1_800_000_000_000_000_001),
+        store_fault: Some("the disk is full".to_owned()),
         uptime_ns: 5,
         frame_sets_used: 6,
         cameras: 3,
@@ -110,13 +128,16 @@ fn response(outcome: Outcome) -> Response {
 
 #[test]
 fn the_layouts_are_frozen() {
-    assert_eq!(size_of::<CalibrationWire>(), 82_224);
-    assert_eq!(offset_of!(CalibrationWire, reason), 48);
-    assert_eq!(offset_of!(CalibrationWire, cameras), 560);
-    assert_eq!(offset_of!(CalibrationWire, pairs), 560 + 16 * 424);
-    assert_eq!(size_of::<CameraWire>(), 424);
-    assert_eq!(offset_of!(CameraWire, reference_from_camera), 80);
-    assert_eq!(offset_of!(CameraWire, covariance), 136);
+    assert_eq!(size_of::<CalibrationWire>(), 82_856);
+    assert_eq!(offset_of!(CalibrationWire, id), 48);
+    assert_eq!(offset_of!(CalibrationWire, made_by), 64);
+    assert_eq!(offset_of!(CalibrationWire, config_hash), 100);
+    assert_eq!(offset_of!(CalibrationWire, reason), 168);
+    assert_eq!(offset_of!(CalibrationWire, cameras), 680);
+    assert_eq!(offset_of!(CalibrationWire, pairs), 680 + 16 * 456);
+    assert_eq!(size_of::<CameraWire>(), 456);
+    assert_eq!(offset_of!(CameraWire, reference_from_camera), 112);
+    assert_eq!(offset_of!(CameraWire, covariance), 168);
     assert_eq!(size_of::<PairWire>(), 624);
     assert_eq!(offset_of!(PairWire, residual_px), 32);
     assert_eq!(offset_of!(PairWire, lead), 48);
@@ -124,16 +145,18 @@ fn the_layouts_are_frozen() {
     assert_eq!(size_of::<ProgressWire>(), 240);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 88);
     assert_eq!(offset_of!(ProgressWire, cameras), 112);
-    assert_eq!(size_of::<HealthWire>(), 32 + 336 + 16 * 72 + 8 * 64);
+    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 72 + 8 * 64);
     assert_eq!(offset_of!(HealthWire, watch), 32);
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
-    assert_eq!(size_of::<RequestWire>(), 16);
-    assert_eq!(size_of::<ResponseWire>(), 1088 + 336);
-    assert_eq!(size_of::<WatchWire>(), 16 + 8 * 40);
-    assert_eq!(offset_of!(ResponseWire, watch), 1088);
+    assert_eq!(size_of::<RequestWire>(), 24);
+    assert_eq!(size_of::<ResponseWire>(), 1104 + 344 + 512);
+    assert_eq!(size_of::<WatchWire>(), 24 + 8 * 40);
+    assert_eq!(offset_of!(ResponseWire, watch), 1104);
     assert_eq!(offset_of!(ResponseWire, activity), 532);
-    assert_eq!(offset_of!(ResponseWire, reason), 576);
+    assert_eq!(offset_of!(ResponseWire, reason), 592);
+    assert_eq!(size_of::<ArchiveRequestWire>(), 16);
+    assert_eq!(offset_of!(ArchiveResponseWire, calibration), 528);
 }
 
 #[test]
@@ -150,21 +173,54 @@ fn every_message_survives_the_wire() {
 fn every_request_and_answer_survives_the_wire() {
     let refused = Outcome::Refused { code: RefusalCode::NoCameras, sentence: "plug one in".to_owned() };
     for kind in RequestKind::ALL {
-        let request = Request { id: 9, kind };
+        let request = Request { id: 9, kind, calibration: 3 };
         let wire = RequestWire::from(request);
         assert_eq!(Request::try_from(&wire), Ok(request));
         for outcome in [Outcome::Accepted, Outcome::Busy, refused.clone()] {
             let sent = response(outcome);
             let answer = ResponseWire::encode(&wire, &sent).expect("fits");
             assert_eq!(answer.decode(request), Ok(sent));
-            answer.decode(Request { id: 8, kind }).expect_err("the answer to another request");
+            answer.decode(Request { id: 8, ..request }).expect_err("the answer to another request");
         }
     }
 }
 
 #[test]
+fn every_answer_of_the_archive_survives_the_wire() {
+    let request = ArchiveRequestWire::new(18);
+    assert_eq!(request.below(), Ok(18));
+    let not_kept = Archived::NotKept { sentence: "set store.directory".to_owned() };
+    for sent in [Archived::NoOlder, not_kept, Archived::Found(Box::new(calibration()))] {
+        let answer = ArchiveResponseWire::encode(&request, &sent).expect("fits");
+        assert_eq!(answer.decode(18), Ok(sent));
+        answer.decode(19).expect_err("the answer to another question");
+    }
+}
+
+#[test]
+fn an_answer_of_the_archive_that_would_be_asked_for_again_is_refused() {
+    let found = Archived::Found(Box::new(calibration()));
+    let answer = ArchiveResponseWire::encode(&ArchiveRequestWire::new(17), &found).expect("fits");
+    let error = answer.decode(17).expect_err("not below 17").to_string();
+    assert!(error.contains("archive id"), "{error}");
+    let mut other = ArchiveRequestWire::new(1);
+    other.version = 2;
+    other.below().expect_err("another version");
+    let mut spoiled = answer;
+    spoiled.outcome = 0;
+    spoiled.decode(17).expect_err("no outcome");
+}
+
+#[test]
 fn every_state_and_reason_has_a_code() {
-    for state in [State::Collecting, State::Converged, State::Degenerate, State::Ambiguous, State::Failed] {
+    for state in [
+        State::Collecting,
+        State::Converged,
+        State::Stored,
+        State::Degenerate,
+        State::Ambiguous,
+        State::Failed,
+    ] {
         let message = ProgressMessage { state, ..progress() };
         let wire = ProgressWire::try_from(&message).expect("has a code");
         assert_eq!(ProgressMessage::try_from(&wire), Ok(message));
@@ -196,12 +252,13 @@ fn check_refused(field_expected: &str, spoil: impl FnOnce(&mut CalibrationWire))
 fn a_spoiled_calibration_is_refused_by_the_name_of_the_field() {
     check_refused("version is 1", |w| w.version = 1);
     check_refused("state has the unknown code 0", |w| w.state = 0);
-    check_refused("state has the unknown code 6", |w| w.state = 6);
+    check_refused("state has the unknown code 7", |w| w.state = 7);
     check_refused("cameras is 17", |w| w.n_cameras = 17);
     check_refused("cameras must be at least one", |w| w.n_cameras = 0);
     check_refused("pairs is 121", |w| w.n_pairs = 121);
     check_refused("reference is 3", |w| w.reference = 3);
     check_refused("all with a pose", |w| w.state = 2);
+    check_refused("all with a pose", |w| w.state = 6);
     check_refused("camera name is 33", |w| w.cameras[0].name.len = 33);
     check_refused("camera serial is not UTF-8", |w| w.cameras[1].serial.bytes[3] = 0xff);
     check_refused("has_pose", |w| w.cameras[0].has_pose = 2);
@@ -236,7 +293,8 @@ fn what_a_reader_would_refuse_is_not_sent() {
     message.calibration.pairs[0].residual_m = f64::INFINITY;
     assert!(matches!(CalibrationWire::try_from(&message), Err(WireError::Value { .. })));
     let mut message = health();
-    message.watch = Some(WatchReport { moved: vec![watch().moved[0]; 9], sets_since_confirmed: 0 });
+    message.watch =
+        Some(WatchReport { moved: vec![watch().moved[0]; 9], sets_since_confirmed: 0, is_verified: false });
     let sent =
         HealthMessage::try_from(&HealthWire::try_from(&message).expect("the first fit")).expect("sound");
     assert_eq!(sent.watch.map(|watch| watch.moved.len()), Some(MAX_MOVED));
@@ -360,16 +418,34 @@ proptest! {
 
     #[test]
     fn an_answer_of_any_bytes_is_refused_or_sound(
-        codes in proptest::collection::vec(any_code(), 7),
+        codes in proptest::collection::vec(any_code(), 8),
         sentence in any_text::<MAX_SENTENCE_BYTES>(),
     ) {
-        let request = Request { id: 1, kind: RequestKind::Cancel };
+        let request = Request { id: 1, kind: RequestKind::Rollback, calibration: u64::MAX };
         let mut wire = ResponseWire::encode(&request.into(), &response(Outcome::Busy)).expect("fits");
         (wire.outcome, wire.refusal, wire.activity, wire.state) = (codes[0], codes[1], codes[2], codes[3]);
         (wire.cameras, wire.cameras_streaming, wire.reason.code) = (codes[4], codes[5], codes[6]);
-        (wire.sentence, wire.reason.sentence) = (sentence, sentence);
+        (wire.sentence, wire.reason.sentence, wire.store_fault) = (sentence, sentence, sentence);
+        wire.has_store_fault = codes[7];
         if let Ok(answer) = wire.decode(request) {
             prop_assert!(answer.snapshot.cameras_streaming <= answer.snapshot.cameras);
+        }
+    }
+    #[test]
+    fn an_answer_of_the_archive_of_any_bytes_is_refused_or_sound(
+        codes in proptest::collection::vec(any_code(), 5),
+        below in prop_oneof![Just(18), any::<u64>()],
+        sentence in any_text::<MAX_SENTENCE_BYTES>(),
+    ) {
+        let found = Archived::Found(Box::new(calibration()));
+        let mut wire = ArchiveResponseWire::encode(&ArchiveRequestWire::new(18), &found).expect("fits");
+        wire.version = if codes[0] % 2 == 0 { VERSION } else { codes[0] };
+        (wire.outcome, wire.below, wire.sentence) = (codes[1], below, sentence);
+        if codes[2] % 2 == 0 { wire.calibration.state = codes[3]; }
+        if codes[2] % 3 == 0 { wire.calibration.n_cameras = codes[4]; }
+        if let Ok(Archived::Found(message)) = wire.decode(18) {
+            check_calibration(&message);
+            prop_assert!(message.provenance.id.is_some_and(|id| id < 18));
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::solver::{Moved, WatchReport, Who};
 /// How the frozen result stands, in shared memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalWatchV2")]
+#[type_name("PelicalWatchV3")]
 pub struct WatchWire {
     /// 1 while there is a frozen result that is compared with what the cameras see.
     pub is_watching: u32,
@@ -16,6 +16,10 @@ pub struct WatchWire {
     pub n_moved: u32,
     /// Frame sets since the result was last confirmed.
     pub sets_since_confirmed: u64,
+    /// 1 when lines seen since the watch began vouch for every camera.
+    pub is_verified: u32,
+    /// Zero.
+    pub reserved: u32,
     /// What was moved.
     pub moved: [MovedWire; MAX_MOVED],
 }
@@ -23,7 +27,7 @@ pub struct WatchWire {
 /// One move.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("PelicalMovedV2")]
+#[type_name("PelicalMovedV3")]
 pub struct MovedWire {
     /// Index of the camera.
     pub camera: u32,
@@ -50,12 +54,19 @@ const NO_MOVE: MovedWire = MovedWire {
 
 impl WatchWire {
     pub(super) fn encode(report: Option<&WatchReport>) -> Result<Self, WireError> {
-        let mut wire =
-            Self { is_watching: 0, n_moved: 0, sets_since_confirmed: 0, moved: [NO_MOVE; MAX_MOVED] };
+        let mut wire = Self {
+            is_watching: 0,
+            n_moved: 0,
+            sets_since_confirmed: 0,
+            is_verified: 0,
+            reserved: 0,
+            moved: [NO_MOVE; MAX_MOVED],
+        };
         let Some(report) = report else { return Ok(wire) };
         wire.is_watching = 1;
         wire.n_moved = count_wire("moves", report.moved.len().min(MAX_MOVED), MAX_MOVED)?;
         wire.sets_since_confirmed = report.sets_since_confirmed;
+        wire.is_verified = u32::from(report.is_verified);
         for (slot, moved) in wire.moved.iter_mut().zip(&report.moved) {
             let (camera, or_camera) = match moved.who {
                 Who::Camera(camera) => (camera, camera),
@@ -79,7 +90,8 @@ impl WatchWire {
             return Ok(None);
         }
         let moved = self.moved.iter().take(n_moved).map(moved_of).collect::<Result<_, _>>()?;
-        Ok(Some(WatchReport { moved, sets_since_confirmed: self.sets_since_confirmed }))
+        let is_verified = flag("is_verified", self.is_verified)?;
+        Ok(Some(WatchReport { moved, sets_since_confirmed: self.sets_since_confirmed, is_verified }))
     }
 }
 

@@ -4,7 +4,7 @@ use super::check::{BackendConfig, CameraChoice, CamerasConfig};
 use crate::capture::recording::Recording;
 use crate::capture::replay::ReplayFactory;
 use crate::capture::scripted::ScriptedFactory;
-use crate::capture::synthetic::SyntheticFactory;
+use crate::capture::synthetic::{SyntheticCamera, SyntheticFactory};
 use crate::capture::{CameraInfo, CaptureError, DeviceFactory};
 use crate::geometry::motion::Motion;
 use crate::ipc::MAX_NAME_BYTES;
@@ -74,14 +74,35 @@ impl CamerasConfig {
     /// # Errors
     /// When there is none, or the reference is not among them.
     pub fn rig(&self, factory: &dyn DeviceFactory) -> Result<Vec<CameraChoice>, RigError> {
-        let mut rig = self.list.clone();
-        if rig.is_empty() {
-            let choice = |info: CameraInfo| CameraChoice { name: info.name, serial: info.serial };
-            rig = factory.list()?.into_iter().map(choice).collect();
+        if let Some(listed) = self.listed() {
+            return listed;
         }
+        let choice = |info: CameraInfo| CameraChoice { name: info.name, serial: info.serial };
+        let rig: Vec<CameraChoice> = factory.list()?.into_iter().map(choice).collect();
         if rig.is_empty() {
             return Err(RigError::NoCamera { backend: factory.name() });
         }
+        self.reference_first(rig)
+    }
+
+    /// The rig where the config alone tells its cameras, so that the back end need not be asked; `None` where it does not.
+    pub fn listed(&self) -> Option<Result<Vec<CameraChoice>, RigError>> {
+        let cameras = match &self.backend {
+            _ if !self.list.is_empty() => self.list.clone(),
+            // Planning its path takes seconds, which the names of its cameras do not need.
+            BackendConfig::Synthetic(options) => {
+                let choice = |camera: &SyntheticCamera| CameraChoice {
+                    name: camera.info.name.clone(),
+                    serial: camera.info.serial.clone(),
+                };
+                options.cameras.iter().map(choice).collect()
+            }
+            BackendConfig::Replay(..) => return None,
+        };
+        Some(self.reference_first(cameras))
+    }
+
+    fn reference_first(&self, mut rig: Vec<CameraChoice>) -> Result<Vec<CameraChoice>, RigError> {
         let texts = rig.iter().flat_map(|camera| [&camera.name, &camera.serial]);
         if let Some(text) = texts.into_iter().find(|text| text.len() > MAX_NAME_BYTES) {
             return Err(RigError::TooLong { text: text.clone() });

@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use super::convert::synthetic_options;
 use super::error::Refusal;
 use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection};
+use super::store::StoreConfig;
 use super::watch::OnMoved;
 use crate::capture::replay::{self, ReplayOptions};
 use crate::capture::scripted::FaultScript;
 use crate::capture::synthetic::SyntheticOptions;
 use crate::ipc::{InstanceName, MAX_NAME_BYTES};
 use crate::pipeline::{MAX_CAMERAS, PipelineOptions};
+use crate::store::sha256_hex;
 
 /// Everything the daemon needs to know, checked.
 #[derive(Debug, Clone)]
@@ -26,6 +28,10 @@ pub struct Config {
     pub pipeline: PipelineOptions,
     /// What is done about a camera that was moved after a result.
     pub on_moved: OnMoved,
+    /// Where calibrations are kept, and how many.
+    pub store: StoreConfig,
+    /// SHA-256 of all effective values, in hex: the provenance of what is made with them.
+    pub hash: String,
 }
 
 /// Back end and cameras.
@@ -70,6 +76,8 @@ impl TryFrom<&ConfigFile> for Config {
             cameras: CamerasConfig::try_from(&file.cameras)?,
             pipeline: super::convert::pipeline_options(file)?,
             on_moved: file.watch.on_moved,
+            store: StoreConfig::try_from(&file.store)?,
+            hash: hash(file)?,
         })
     }
 }
@@ -81,8 +89,16 @@ impl Config {
             *recording = folder.join(&recording);
         }
         super::matcher::relative_to(&mut self.pipeline.associate.learned, folder);
+        if let Some(directory) = &mut self.store.directory {
+            *directory = folder.join(&directory);
+        }
         self
     }
+}
+
+fn hash(file: &ConfigFile) -> Result<String, Refusal> {
+    let text = serde_yaml::to_string(file).map_err(|error| Refusal::new("", error.to_string()))?;
+    Ok(sha256_hex(text.as_bytes()))
 }
 
 impl TryFrom<&CamerasSection> for CamerasConfig {

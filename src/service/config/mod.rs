@@ -11,6 +11,7 @@ mod locate;
 mod matcher;
 mod sections;
 mod serial;
+mod store;
 mod synthetic;
 #[cfg(test)]
 mod tests;
@@ -26,6 +27,7 @@ pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use matcher::{MatcherSection, ProviderName};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
+pub use store::{StoreConfig, StoreSection};
 pub use synthetic::MoveEntry;
 pub use watch::{OnMoved, WatchSection};
 

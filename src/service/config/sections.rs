@@ -11,6 +11,7 @@ use super::estimator::{AssociationName, EstimatorName};
 use super::faults::FaultsSection;
 use super::matcher::MatcherSection;
 use super::serial::Serial;
+use super::store::StoreSection;
 use super::synthetic::MoveEntry;
 use super::watch::WatchSection;
 use crate::capture::synthetic::SyntheticOptions;
@@ -39,6 +40,8 @@ pub struct ConfigFile {
     pub matcher: MatcherSection,
     /// After a result.
     pub watch: WatchSection,
+    /// Where results are kept.
+    pub store: StoreSection,
 }
 
 impl Default for ConfigFile {
@@ -52,6 +55,7 @@ impl Default for ConfigFile {
             estimate: EstimateSection::default(),
             matcher: MatcherSection::default(),
             watch: WatchSection::default(),
+            store: StoreSection::default(),
         }
     }
 }

@@ -25,15 +25,17 @@ fn a_pipeline_that_panics_again_and_again_ends_the_daemon_with_a_word() {
     let server = Server::start(&instance).expect("nobody else has this name");
     let factory = Arc::new(SyntheticFactory::new(SyntheticOptions::pair(0.0, 0.2, 3)));
     let slot = CameraSlot { factory, serial: "synthetic-01".to_owned(), name: "left".to_owned() };
-    let identity = CameraIdentity { name: "left".to_owned(), serial: "synthetic-01".to_owned() };
+    let identity =
+        CameraIdentity { name: "left".to_owned(), serial: "synthetic-01".to_owned(), firmware: None };
     let rig = Rig {
         slots: vec![slot],
         identities: vec![identity],
         options: PipelineOptions::default(),
-        on_moved: OnMoved::Report,
         make_parts: broken_parts,
     };
-    let error = run_rig(&rig, &server, &Stop::default()).expect_err("it cannot work");
+    let config = crate::service::config::load_or_default(None).expect("the defaults are valid");
+    let mut daemon = Daemon::new(&config, Storing::default());
+    let error = run_rig(&rig, &server, (&mut daemon, &Stop::default())).expect_err("it cannot work");
     let message = error.to_string();
     assert!(message.contains("lines-0") && message.contains(&MAX_RESTARTS.to_string()), "{message}");
 }

@@ -47,6 +47,7 @@ fn frozen(poses: &[Motion], random: &mut Random) -> RigCalibration {
         lead: None,
         residual_px: 0.3,
         residual_m: 0.003,
+        line_residuals: Vec::new(),
     };
     let pairs = (0..poses.len()).flat_map(|a| (a + 1..poses.len()).map(move |b| (a, b)));
     RigCalibration {
@@ -263,4 +264,41 @@ fn a_result_without_converged_pairs_is_never_confirmed() {
     let sets = trial.sets(2);
     assert_eq!(trial.alarm_after(&sets), None);
     assert_eq!(trial.report().sets_since_confirmed, 3);
+}
+
+/// Whether the frozen result was said to be verified after any of these sets.
+fn is_ever_verified(trial: &mut Trial, sets: &[Vec<Option<CameraView>>]) -> bool {
+    sets.iter().any(|set| trial.watch.add(set).is_verified)
+}
+
+#[test]
+fn live_lines_vouch_for_a_rig_that_stands_as_it_stood() {
+    for number in 0..8 {
+        let rig = if number % 2 == 0 { pair() } else { three() };
+        let mut trial = Trial::new(&format!("as it stood {number}"), rig);
+        let sets = trial.sets(20);
+        assert!(!is_ever_verified(&mut trial, &sets[..2]), "{number}: two looks prove nothing");
+        assert!(is_ever_verified(&mut trial, &sets[2..]), "{number}: {:?}", trial.report());
+    }
+}
+
+#[test]
+fn nothing_vouches_for_a_rig_that_was_moved_before_the_watch_began() {
+    for (deg, mm) in [(1.0, 0.0), (0.0, 15.0), (0.0, 25.0), (3.0, 20.0), (40.0, 150.0)] {
+        for poses in [pair(), three()] {
+            let mut trial = Trial::new(&format!("moved before {deg} {mm}"), poses);
+            trial.knock(1, deg, mm);
+            let sets = trial.sets(12);
+            assert!(!is_ever_verified(&mut trial, &sets), "{deg} deg {mm} mm: {:?}", trial.report());
+        }
+    }
+}
+
+#[test]
+fn a_camera_that_nothing_vouches_for_keeps_the_result_from_being_verified() {
+    let mut trial = Trial::new("unseen", three());
+    let mut sets = trial.sets(15);
+    sets.iter_mut().for_each(|set| set[2] = None);
+    assert!(!is_ever_verified(&mut trial, &sets));
+    assert!(trial.report().sets_since_confirmed < 5, "the other two are confirmed");
 }

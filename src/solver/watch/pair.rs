@@ -30,6 +30,12 @@ const MIN_LEAD_SHARE: f64 = 0.05;
 const MIN_CONFIRMING: usize = 6;
 /// ... and their least share of those that the calibration had per frame set: chance does not give as many.
 const MIN_USUAL_SHARE: f64 = 0.3;
+/// A pair that stands within so many times the least move that counts, uncertainty included, stands where it stood ...
+const SAME_PLACE: f64 = 2.0;
+/// ... with so many standard deviations of it: one in forty by chance.
+const SAME_PLACE_SIGMAS: f64 = 2.0;
+/// Looks that show this, not contradicted in between, vouch for a pair.
+const VOUCH_AFTER: u32 = 3;
 /// Fewer lines than this in a view say nothing.
 const MIN_LINES: usize = 3;
 /// A search over all poses takes a hundred times as long as a look near the frozen one; after one in vain, so many sets pass.
@@ -104,6 +110,14 @@ impl Shift {
         (length, variance.max(0.0).sqrt())
     }
 
+    /// Whether the pair is shown to stand where it stood: not only that no move is seen, but that there is none of any size that
+    /// counts.
+    fn is_same_place(&self, limits: &WatchLimits) -> bool {
+        let ((shift_m, sigma_m), (turn_rad, sigma_rad)) = self.amounts();
+        shift_m + SAME_PLACE_SIGMAS * sigma_m <= SAME_PLACE * limits.min_translation_m
+            && turn_rad + SAME_PLACE_SIGMAS * sigma_rad <= SAME_PLACE * limits.min_rotation_rad
+    }
+
     /// Whether this is more than noise and more than nobody minds, or at least that share of both.
     fn is_beyond(&self, limits: &WatchLimits, share: f64) -> bool {
         let Some(cholesky) = self.covariance.cholesky() else { return false };
@@ -140,6 +154,8 @@ pub(super) struct PairWatch {
     wait: u32,
     /// Matches when the frozen pose was confirmed last; as many are enough to say that the pair now stands nearby.
     confirmed_matches: Option<usize>,
+    /// Successive looks in which as many matches as a calibration needs showed that the pair stands where it stood.
+    vouching_looks: u32,
     /// The alarm is on, and this pair sees a camera that is said to be moved.
     pub(super) is_accused: bool,
 }
@@ -161,12 +177,34 @@ impl PairWatch {
             suspect: None,
             wait: 0,
             confirmed_matches: None,
+            vouching_looks: 0,
             is_accused: false,
         })
     }
 
+    /// Whether live lines have shown, as surely as a calibration must, that the pair stands where it stood.
+    pub(super) fn is_vouched_for(&self) -> bool {
+        self.vouching_looks >= VOUCH_AFTER && !self.is_accused
+    }
+
     /// Compares the newest views with the frozen pose.
     pub(super) fn look(&mut self, bench: &Bench<'_>) -> Sight {
+        let sight = self.sight(bench);
+        match &sight {
+            Sight::Silent => {}
+            Sight::Moved(_) => self.vouching_looks = 0,
+            Sight::Confirmed(shift) => {
+                let is_enough =
+                    self.confirmed_matches.is_some_and(|found| found >= bench.options.verdict.min_matches);
+                if is_enough && shift.is_same_place(bench.limits) {
+                    self.vouching_looks = self.vouching_looks.saturating_add(1);
+                }
+            }
+        }
+        sight
+    }
+
+    fn sight(&mut self, bench: &Bench<'_>) -> Sight {
         self.wait = self.wait.saturating_sub(1);
         let [target, source] = self.cameras;
         let pair = PairEvidence { evidence: bench.evidence, target, source };

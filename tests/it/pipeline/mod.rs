@@ -282,6 +282,33 @@ fn after_convergence_it_goes_on_watching_and_recalibrates_from_nothing() {
 }
 
 #[test]
+fn a_given_result_is_watched_from_the_start_and_nothing_is_collected_until_asked_for() {
+    let (cameras, _) = fake::rig(&["given-a", "given-b"]);
+    let mut parts = quick_parts();
+    parts.estimator = Box::new(|_| Box::new(CountingEstimator::converging_at(6)));
+    let bench = Bench::start(cameras, parts);
+    bench.pipeline.watch(parts::calibration(pelical::solver::State::Converged, 6));
+    let round = bench.pipeline.round();
+    let watched = |round: u64| {
+        bench.wait_for("a look at the given result", |event| {
+            assert!(!matches!(&event, PipelineEvent::Calibration(solved) if solved.round == round));
+            let PipelineEvent::Watched(watched) = event else { return None };
+            (watched.round == round).then_some(())
+        });
+    };
+    watched(round);
+    assert_eq!(bench.pipeline.snapshot().phase, Phase::Watching);
+    assert_eq!(bench.pipeline.command(Command::Recalibrate), Answer::Accepted);
+    bench.wait_for("convergence", |event| {
+        let PipelineEvent::Calibration(solved) = event else { return None };
+        (solved.calibration.state == pelical::solver::State::Converged).then_some(())
+    });
+    // Another one can be given at any time.
+    bench.pipeline.watch(parts::calibration(pelical::solver::State::Converged, 6));
+    watched(round + 2);
+}
+
+#[test]
 fn nothing_waits_for_a_solution_and_a_cancelled_one_is_not_published() {
     let (cameras, _) = fake::rig(&["solve-a", "solve-b"]);
     let gate = Arc::new(parts::Gate::default());
