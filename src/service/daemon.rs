@@ -110,7 +110,7 @@ impl Rig {
 /// When it cannot start, or when the pipeline fails again and again.
 pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
     // The name first: a second daemon must not even touch the cameras.
-    let server = Server::start(&config.instance)?;
+    let server = Server::start_over(&config.transport, &config.instance)?;
     let Some(rig) = open_rig(config, stop)? else {
         tracing::info!("stopped before the cameras were there");
         return Ok(());

@@ -7,9 +7,11 @@ mod convert;
 mod error;
 mod estimator;
 mod faults;
+mod ipc;
 mod locate;
 mod sections;
 mod serial;
+mod supervision;
 mod synthetic;
 #[cfg(test)]
 mod tests;
@@ -22,8 +24,10 @@ pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
 pub use estimator::EstimatorName;
 pub use faults::{FaultEntry, FaultKind, FaultsSection};
+pub use ipc::{IpcSection, IpcVariant};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
+pub use supervision::{ReadyWhen, ServiceSection};
 pub use synthetic::MoveEntry;
 pub use watch::{OnMoved, WatchSection};
 
