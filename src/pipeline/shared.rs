@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Sender, TrySendError};
 
 use super::event::{CameraState, Phase, PipelineEvent};
+use super::pulse::Pulses;
 use super::queues::Queues;
 use super::stats::{Counter, Counters, Latencies};
 
@@ -151,6 +152,7 @@ pub(super) struct Shared {
     pub(super) latencies: Latencies,
     pub(super) queues: Queues,
     pub(super) wakers: Wakers,
+    pub(super) pulses: Pulses,
     /// Set while the estimator has time for a frame set to compare its result with. Relaxed: sets go through the queues.
     pub(super) wants_watched_set: AtomicBool,
     events: Sender<PipelineEvent>,
@@ -181,6 +183,7 @@ impl Shared {
             latencies: Latencies::default(),
             queues: Queues::new(names.len(), n_line_threads),
             wakers,
+            pulses: Pulses::new(names.len(), n_line_threads),
             wants_watched_set: AtomicBool::new(false),
             cameras: names.into_iter().map(CameraShared::new).collect(),
             events,

@@ -10,8 +10,12 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 
 use super::config::{CameraChoice, Config, OnMoved, RigError};
 use super::error::ServiceError;
+use super::logging::LogHandle;
+use super::manager::ServiceManager;
+use super::reload::Reloader;
 use super::state::{self, Life};
 use super::stop::Stop;
+use super::supervisor::{Standing, Supervisor};
 use super::telling::{HealthTeller, ProgressTeller, wall_clock_ns};
 use crate::capture::DeviceFactory;
 use crate::ipc::{
@@ -43,6 +47,17 @@ struct Daemon {
     keeps_result: bool,
     /// Messages that could not be published since health was told last, and why the last one could not.
     unpublished: (u32, Option<ServerError>),
+    supervisor: Supervisor,
+    reloader: Option<(Reloader, LogHandle)>,
+}
+
+/// What a daemon is tied to besides its config; nothing, where it runs within another program.
+#[derive(Debug, Default)]
+pub(super) struct Attachments {
+    /// Who started it.
+    pub(super) manager: ServiceManager,
+    /// The config file, to be read again when asked to, and the log whose level it says.
+    pub(super) reloader: Option<(Reloader, LogHandle)>,
 }
 
 /// Both sides that are listened to.
@@ -109,6 +124,18 @@ impl Rig {
 /// # Errors
 /// When it cannot start, or when the pipeline fails again and again.
 pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
+    run_attached(config, stop, Attachments::default())
+}
+
+/// The same with a service manager and a config file.
+pub(super) fn run_attached(
+    config: &Config,
+    stop: &Stop,
+    attachments: Attachments,
+) -> Result<(), ServiceError> {
+    let Attachments { manager, reloader } = attachments;
+    let mut supervisor = Supervisor::new(manager, config.ready_when);
+    supervisor.say("opening the cameras' back end");
     // The name first: a second daemon must not even touch the cameras.
     let server = Server::start_over(&config.transport, &config.instance)?;
     let Some(rig) = open_rig(config, stop)? else {
@@ -117,12 +144,12 @@ pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
     };
     let names: Vec<&str> = rig.identities.iter().map(|camera| camera.name.as_str()).collect();
     tracing::info!(instance = %config.instance, cameras = names.join(", "), "started");
-    run_rig(&rig, &server, stop)
+    let daemon = Daemon::new(rig.identities.clone(), rig.on_moved, (supervisor, reloader));
+    run_rig(daemon, &rig, &server, stop)
 }
 
 /// Runs pipelines one after the other: a panic in one of its threads ends a pipeline, not the daemon.
-fn run_rig(rig: &Rig, server: &Server, stop: &Stop) -> Result<(), ServiceError> {
-    let mut daemon = Daemon::new(rig.identities.clone(), rig.on_moved);
+fn run_rig(mut daemon: Daemon, rig: &Rig, server: &Server, stop: &Stop) -> Result<(), ServiceError> {
     for restarts in 0.. {
         let live = rig.start(server)?;
         let end = daemon.serve(&live, stop);
@@ -170,7 +197,11 @@ fn open_rig(config: &Config, stop: &Stop) -> Result<Option<Rig>, ServiceError> {
 }
 
 impl Daemon {
-    fn new(identities: Vec<CameraIdentity>, on_moved: OnMoved) -> Self {
+    fn new(
+        identities: Vec<CameraIdentity>,
+        on_moved: OnMoved,
+        (supervisor, reloader): (Supervisor, Option<(Reloader, LogHandle)>),
+    ) -> Self {
         Self {
             identities,
             life: Life::new(),
@@ -180,6 +211,8 @@ impl Daemon {
             on_moved,
             keeps_result: false,
             unpublished: (0, None),
+            supervisor,
+            reloader,
         }
     }
 
@@ -198,6 +231,10 @@ impl Daemon {
             if self.health.is_due(HEALTH_INTERVAL) {
                 self.tell_health(live);
             }
+            self.reload_when_asked();
+            if self.supervisor.is_due() {
+                self.be_looked_at(&live.pipeline);
+            }
         }
         End::Requested
     }
@@ -205,7 +242,10 @@ impl Daemon {
     /// Whoever asks in the last moment gets an answer.
     fn say_goodbye(&mut self, live: &Live<'_>, end: &End) {
         match end {
-            End::Requested => self.life.on_stop(),
+            End::Requested => {
+                self.life.on_stop();
+                self.supervisor.stopping("stopping");
+            }
             End::Bug { .. } => {
                 self.keeps_result |= self.life.state() == State::Converged;
                 self.life.on_restart();
@@ -213,6 +253,29 @@ impl Daemon {
             }
         }
         self.answer_clients(live);
+    }
+
+    fn be_looked_at(&mut self, pipeline: &Pipeline) {
+        let snapshot = pipeline.snapshot();
+        let daemon = self.snapshot(&snapshot);
+        let standing = Standing { daemon: &daemon, cameras: &snapshot.cameras };
+        self.supervisor.look(pipeline.vitals(), &standing);
+    }
+
+    fn reload_when_asked(&mut self) {
+        let Some((reloader, log)) = &mut self.reloader else { return };
+        if !reloader.take_request() {
+            return;
+        }
+        match self.supervisor.during_reload(|| reloader.reload()) {
+            Ok(taken) => {
+                log.set_level(taken.config.log.level);
+                self.on_moved = taken.config.on_moved;
+                self.supervisor.set_ready_when(taken.config.ready_when);
+                tracing::info!(changed = taken.keys.join(", "), "config read again");
+            }
+            Err(error) => tracing::error!("the config stays as it was: {error}"),
+        }
     }
 
     fn answer_clients(&mut self, live: &Live<'_>) {

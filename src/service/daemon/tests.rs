@@ -6,6 +6,7 @@ use crate::capture::synthetic::{SyntheticFactory, SyntheticOptions};
 use crate::geometry::Camera;
 use crate::ipc::InstanceName;
 use crate::pipeline::{FindTimes, FoundLines, LineFinder};
+use crate::service::config::ReadyWhen;
 
 struct Broken;
 
@@ -33,7 +34,9 @@ fn a_pipeline_that_panics_again_and_again_ends_the_daemon_with_a_word() {
         on_moved: OnMoved::Report,
         make_parts: broken_parts,
     };
-    let error = run_rig(&rig, &server, &Stop::default()).expect_err("it cannot work");
+    let supervisor = Supervisor::new(ServiceManager::default(), ReadyWhen::Started);
+    let daemon = Daemon::new(rig.identities.clone(), rig.on_moved, (supervisor, None));
+    let error = run_rig(daemon, &rig, &server, &Stop::default()).expect_err("it cannot work");
     let message = error.to_string();
     assert!(message.contains("lines-0") && message.contains(&MAX_RESTARTS.to_string()), "{message}");
 }
