@@ -108,7 +108,11 @@ impl Transport {
 
     /// The client's side: makes nothing, and tells a missing daemon from a closed door.
     pub(super) fn look(&self) -> Result<(), Failure> {
-        let Self::Files { directory } = self else { return Ok(()) };
+        let Self::Files { directory } = self else {
+            // Looking there would make what iceoryx2 never removes again.
+            let root = Config::default().global.root_path().to_string();
+            return if Path::new(&root).exists() { Ok(()) } else { Err(Failure::Missing) };
+        };
         self.check().map_err(Failure::Other)?;
         match fs::read_dir(directory.join(ROOT)) {
             Ok(_) => Ok(()),
