@@ -37,7 +37,7 @@ up)
     exit 1
     ;;
 exec)
-    exec nsenter -t "$(cat "$root.leader")" -a -- env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
+    exec nsenter -t "$(cat "$root.leader")" -a -- env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 \
         TERM=dumb DEBIAN_FRONTEND=noninteractive SYSTEMD_PAGER= "$@"
     ;;
 down)

@@ -26,8 +26,8 @@ root=$(realpath "$root")
 trap '$here/container.sh down "$root"; rm -rf "$root"' EXIT
 $here/container.sh up "$root" ||
     { echo "SKIPPED: systemd-nspawn cannot boot here; its last words are above"; exit 77; }
-cp "$deb" "$root/root/pelical.deb"
-$here/container.sh exec "$root" apt-get install -qy --no-install-recommends /root/pelical.deb >/dev/null
+cp "$deb" "$root/srv/pelical.deb"
+$here/container.sh exec "$root" apt-get install -qy --no-install-recommends /srv/pelical.deb >/dev/null
 $here/unit.sh "$root"
 $here/container.sh exec "$root" apt-get purge -qy pelical >/dev/null
 $here/service.sh "$root" "$deb" "$newer"

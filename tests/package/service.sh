@@ -52,12 +52,12 @@ is_new_process() { # is_new_process OLD_PID
 has_result() { says '"state":"converged"' as robotapp sh -c 'timeout 10 pelical watch --json | head -n 1'; }
 everything() { # what there is on the disk, without what changes by itself
     in_root find / -xdev \( -path /proc -o -path /sys -o -path /var/log -o -path /var/cache -o -path /var/lib/apt \) -prune -o -print |
-        grep -v '^/root/\|^/etc/\(passwd\|group\|shadow\|gshadow\|subuid\|subgid\)-$\|^/var/lib/dpkg/.*-old$' | sort
+        grep -v '^/srv/\|^/etc/\(passwd\|group\|shadow\|gshadow\|subuid\|subgid\)-$\|^/var/lib/dpkg/.*-old$' | sort
 }
 journal() { in_root journalctl -u pelicald --no-pager -o cat; }
 install() { # install DEB
-    cp "$1" "$root/root/pelical.deb"
-    in_root apt-get install -qy --no-install-recommends -o Dpkg::Options::=--force-confold /root/pelical.deb
+    cp "$1" "$root/srv/pelical.deb"
+    in_root apt-get install -qy --no-install-recommends -o Dpkg::Options::=--force-confold /srv/pelical.deb
 }
 config=$root/etc/pelical/pelicald.yaml
 

@@ -24,9 +24,9 @@ modules=$work/kernel/lib/modules/$version
 
 # The guest: the base root, the package, the modules that a USB device needs.
 cp -a "$base" "$work/root"
-cp "$deb" "$work/root/root/pelical.deb"
+cp "$deb" "$work/root/srv/pelical.deb"
 systemd-nspawn --quiet --register=no --keep-unit -D "$work/root" --pipe sh -c \
-    'apt-get install -qy --no-install-recommends kmod /root/pelical.deb >/dev/null 2>&1; useradd -M stranger'
+    'apt-get install -qy --no-install-recommends kmod /srv/pelical.deb >/dev/null 2>&1; useradd -M stranger'
 mkdir -p "$work/root/usr/lib/modules/$version"
 for part in modules.builtin modules.builtin.modinfo modules.order kernel/drivers/usb kernel/fs/configfs kernel/lib kernel/crypto; do
     [ -e "$modules/$part" ] || continue
@@ -34,7 +34,7 @@ for part in modules.builtin modules.builtin.modinfo modules.order kernel/drivers
     cp -a "$modules/$part" "$work/root/usr/lib/modules/$version/$(dirname "$part")/"
 done
 PATH=$PATH:/usr/sbin:/sbin chroot "$work/root" depmod -a "$version"
-cp tests/vm/guest.sh "$work/root/root/guest.sh"
+cp tests/vm/guest.sh "$work/root/srv/guest.sh"
 
 # A small first root that finds the disk.
 first=$work/first
@@ -65,7 +65,7 @@ accelerator=tcg,thread=multi
 timeout -k 5 900 qemu-system-x86_64 -accel "$accelerator" -cpu max -smp 2 -m 1024 -nographic -nodefaults -no-reboot \
     -serial stdio -monitor none -nic none -kernel "$work/kernel/boot/vmlinuz-$version" -initrd "$work/out/initrd.gz" \
     -drive "file=$work/out/root.img,format=raw,if=virtio,cache=unsafe" \
-    -append "console=ttyS0 quiet mitigations=off tsc=unstable random.trust_cpu=on systemd.run=/root/guest.sh \
+    -append "console=ttyS0 quiet mitigations=off tsc=unstable random.trust_cpu=on systemd.run=/srv/guest.sh \
 systemd.run_success_action=poweroff systemd.run_failure_action=poweroff systemd.show_status=0" </dev/null |
     tee "$work/console.log"
 grep -q '^VM: all passed' "$work/console.log"
