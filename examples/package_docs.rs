@@ -28,6 +28,9 @@ fn main() -> anyhow::Result<()> {
 /// One page for the program, and one for each of its commands that are shown.
 fn man_pages(folder: &Path, command: Command, section: &str) -> anyhow::Result<()> {
     let name = command.get_name().to_owned();
+    // Building hands the options of the whole program to each of its commands.
+    let mut command = command.disable_help_subcommand(true);
+    command.build();
     let commands: Vec<Command> =
         command.get_subcommands().filter(|one| !one.is_hide_set()).cloned().collect();
     write_page(folder, command, &name, section)?;

@@ -7,7 +7,7 @@
 set -euo pipefail
 verb=$1 root=$2
 shift 2
-packages=systemd,systemd-sysv,udev,dbus,libpam-systemd
+packages=systemd,systemd-sysv,udev,dbus,libpam-systemd,kmod
 
 case $verb in
 make)

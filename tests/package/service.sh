@@ -80,6 +80,7 @@ check "a stranger is refused with a failure" fails as stranger pelical status
 check "nothing of it is in /dev/shm" fails in_root sh -c 'ls /dev/shm | grep -q iox2'
 check "the synthetic rig is calibrated" patiently 300 has_result
 
+check "and the watchdog had nothing to do so far" is NRestarts 0
 pid=$(property MainPID)
 in_root systemctl kill --kill-whom=main -s KILL pelicald
 check "after kill -9 it is back" patiently 30 is_new_process "$pid"

@@ -7,7 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 base=target/package-root work=target/vm
 
-for tool in qemu-system-x86_64 busybox cpio mke2fs depmod systemd-nspawn; do
+for tool in qemu-system-x86_64 busybox cpio mke2fs depmod; do
     command -v "$tool" >/dev/null || PATH=$PATH:/usr/sbin:/sbin command -v "$tool" >/dev/null ||
         { echo "SKIPPED: $tool is not installed"; exit 77; }
 done
@@ -25,8 +25,7 @@ modules=$work/kernel/lib/modules/$version
 # The guest: the base root, the package, the modules that a USB device needs.
 cp -a "$base" "$work/root"
 cp "$deb" "$work/root/srv/pelical.deb"
-systemd-nspawn --quiet --register=no --keep-unit -D "$work/root" --pipe sh -c \
-    'apt-get install -qy --no-install-recommends kmod /srv/pelical.deb >/dev/null 2>&1; useradd -M stranger'
+PATH=$PATH:/usr/sbin:/sbin chroot "$work/root" sh -c 'dpkg -i /srv/pelical.deb >/dev/null 2>&1 && useradd -M stranger'
 mkdir -p "$work/root/usr/lib/modules/$version"
 for part in modules.builtin modules.builtin.modinfo modules.order kernel/drivers/usb kernel/fs/configfs kernel/lib kernel/crypto; do
     [ -e "$modules/$part" ] || continue
