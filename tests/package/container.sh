@@ -51,7 +51,7 @@ down)
     kill -KILL "$nspawn" 2>/dev/null || true
     rm -f "$root.pid" "$root.leader"
     # What nspawn leaves behind where no systemd runs the machine; another container's are not empty and stay.
-    rmdir /sys/fs/cgroup/{systemd,unified}/{payload,supervisor} 2>/dev/null || true
+    find /sys/fs/cgroup/{systemd,unified}/{payload,supervisor} -depth -type d -exec rmdir {} \; 2>/dev/null || true
     ;;
 *)
     echo "what is $verb?" >&2
