@@ -15,9 +15,9 @@ cargo deb --version >/dev/null 2>&1 || { echo "SKIPPED: cargo-deb is not install
 
 $here/udev.sh || [ $? -eq 77 ]
 
+# The newer one first and in another folder: cargo deb clears its own folder of other versions.
+newer=$(scripts/package.sh --deb-version 99.0.0-1 --output target/newer/)
 deb=$(scripts/package.sh)
-# Another folder: cargo deb clears its own of other versions.
-newer=$(cargo deb --no-build --strip --locked --deb-version 99.0.0-1 --output target/newer/ | tail -n 1)
 [ -x "$base/usr/bin/systemctl" ] || { rm -rf "$base"; $here/container.sh make "$base" >"$base.log" || { tail -n 5 "$base.log"; exit 1; }; }
 rm -rf "$root"
 cp -a "$base" "$root"
