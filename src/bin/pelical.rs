@@ -12,14 +12,14 @@ fn main() -> ExitCode {
     let args = ClientArgs::parse();
     let exit = match &args.command {
         // The demo runs this program once more as its daemon.
-        Command::DemoDaemon => match service::start_demo(args.instance) {
+        Command::DemoDaemon => match service::start_demo(args.daemon.instance) {
             Ok(()) => Exit::Done,
             Err(error) => {
                 say(format_args!("pelical: {error}"));
                 Exit::from(&error)
             }
         },
-        command => cli::run(&args.instance, command),
+        command => cli::run(&args.daemon, command),
     };
     exit.into()
 }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::address::Address;
 use super::association_choice::AssociationChoice;
-use crate::ipc::InstanceName;
 
 /// Calibrates the cameras of a robot against each other while it runs, and publishes the result over shared memory.
 #[derive(Debug, Parser)]
@@ -23,9 +23,9 @@ pub struct DaemonArgs {
 #[derive(Debug, Parser)]
 #[command(name = "pelical", version)]
 pub struct ClientArgs {
-    /// Name of the daemon to talk to.
-    #[arg(long, global = true, default_value_t, value_name = "NAME")]
-    pub instance: InstanceName,
+    /// Which daemon.
+    #[command(flatten)]
+    pub daemon: Address,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
@@ -385,6 +385,7 @@ mod tests {
     fn values_that_cannot_be_meant_are_refused() {
         for line in [
             vec!["pelical", "--instance", "a b", "status"],
+            vec!["pelical", "--ipc-directory", "relative", "status"],
             vec!["pelical", "evaluate"],
             vec!["pelical", "evaluate", "folder", "--paper"],
             vec!["pelical", "evaluate", "folder", "--seeds", "3"],
@@ -408,6 +409,6 @@ mod tests {
     #[test]
     fn the_instance_may_stand_behind_the_command() {
         let args = ClientArgs::try_parse_from(["pelical", "status", "--instance", "rig2"]).expect("valid");
-        assert_eq!(args.instance.as_str(), "rig2");
+        assert_eq!(args.daemon.instance.as_str(), "rig2");
     }
 }

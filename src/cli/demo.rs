@@ -11,7 +11,7 @@ use super::exit::Exit;
 use super::online::{self, Wanted};
 use super::progress;
 use super::talk::say;
-use crate::ipc::{Client, ClientError, InstanceName};
+use crate::ipc::{Client, ClientError, InstanceName, Transport};
 use crate::service::config;
 
 /// Longest time until the daemon is there; it plans the rig's path meanwhile.
@@ -70,7 +70,7 @@ impl DaemonProcess {
         let start = Instant::now();
         let bar = progress::spinner("starting the daemon");
         loop {
-            match Client::connect(instance) {
+            match Client::connect_over(&Transport::SharedMemory, instance) {
                 Err(ClientError::NotRunning { .. }) if start.elapsed() < START_WITHIN => {}
                 connected => {
                     bar.finish_and_clear();

@@ -1,5 +1,6 @@
 //! `pelical export`: a calibration in the forms that other programs read.
 
+use super::address::Address;
 use super::args::{ExportArgs, ExportFormat};
 use super::error::CliError;
 use super::exit::Exit;
@@ -10,15 +11,15 @@ use super::output::export::{self, Placed};
 use super::output::history::ProvenanceEntry;
 use super::output::time::now_ns;
 use super::talk::say;
-use crate::ipc::{CalibrationMessage, Client, InstanceName};
+use crate::ipc::CalibrationMessage;
 use crate::solver::State;
 
 /// Prints the published calibration, or one of the history.
 ///
 /// # Errors
 /// When there is no daemon, or its cameras have names that the form cannot tell apart.
-pub fn run(instance: &InstanceName, args: &ExportArgs) -> Result<Exit, CliError> {
-    let mut client = Client::connect(instance)?;
+pub fn run(daemon: &Address, args: &ExportArgs) -> Result<Exit, CliError> {
+    let mut client = daemon.connect()?;
     let found = match args.id {
         None => client.latest_calibration()?.cloned(),
         Some(id) => {

@@ -1,6 +1,7 @@
 //! `pelical history`, `pelical rollback ID`: the calibrations that a daemon has kept. They come over shared memory; nobody but the
 //! daemon reads its files.
 
+use super::address::Address;
 use super::args::{Output, RollbackArgs};
 use super::error::CliError;
 use super::exit::Exit;
@@ -8,14 +9,14 @@ use super::online::{ANSWER_WITHIN, print_answer};
 use super::output;
 use super::output::history::HistoryDocument;
 use super::output::time::now_ns;
-use crate::ipc::{Archived, CalibrationMessage, Client, InstanceName};
+use crate::ipc::{Archived, CalibrationMessage, Client};
 
 /// Prints the history, newest first.
 ///
 /// # Errors
 /// When there is no daemon, or it keeps none.
-pub fn list(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
-    let mut client = Client::connect(instance)?;
+pub fn list(daemon: &Address, output: Output) -> Result<Exit, CliError> {
+    let mut client = daemon.connect()?;
     let published = client.status(ANSWER_WITHIN)?.snapshot.calibration_id;
     let mut messages: Vec<CalibrationMessage> = Vec::new();
     let mut below = u64::MAX;
@@ -24,7 +25,7 @@ pub fn list(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
         below = message.provenance.id.unwrap_or(0);
         messages.push(message);
     }
-    let document = HistoryDocument::new(instance, &messages, (published, now_ns()));
+    let document = HistoryDocument::new(&daemon.instance, &messages, (published, now_ns()));
     if output.json {
         output::print_json(&document)?;
     } else {
@@ -49,7 +50,7 @@ pub fn below_id(client: &mut Client, below: u64) -> Result<Option<CalibrationMes
 ///
 /// # Errors
 /// When there is no daemon.
-pub fn roll_back(instance: &InstanceName, args: &RollbackArgs) -> Result<Exit, CliError> {
-    let response = Client::connect(instance)?.rollback(args.id, ANSWER_WITHIN)?;
+pub fn roll_back(daemon: &Address, args: &RollbackArgs) -> Result<Exit, CliError> {
+    let response = daemon.connect()?.rollback(args.id, ANSWER_WITHIN)?;
     print_answer(&response, args.output)
 }

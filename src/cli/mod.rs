@@ -1,5 +1,6 @@
 //! The client's commands: each does one thing, prints one document, and ends with one exit code.
 
+mod address;
 pub mod args;
 pub mod association_choice;
 mod associations;
@@ -25,15 +26,14 @@ mod solve;
 pub mod talk;
 mod watch;
 
+pub use address::Address;
 use args::Command;
 use error::CliError;
 use exit::Exit;
 
-use crate::ipc::InstanceName;
-
 /// Runs a command to its end; what went wrong is said on stderr.
-pub fn run(instance: &InstanceName, command: &Command) -> Exit {
-    match dispatch(instance, command) {
+pub fn run(daemon: &Address, command: &Command) -> Exit {
+    match dispatch(daemon, command) {
         Ok(exit) => exit,
         Err(error) => {
             talk::say(format_args!("pelical: {error}"));
@@ -42,7 +42,7 @@ pub fn run(instance: &InstanceName, command: &Command) -> Exit {
     }
 }
 
-fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError> {
+fn dispatch(daemon: &Address, command: &Command) -> Result<Exit, CliError> {
     match command {
         Command::Calibrate(args) => calibrate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
@@ -51,13 +51,13 @@ fn dispatch(instance: &InstanceName, command: &Command) -> Result<Exit, CliError
         Command::Bench(args) => bench::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
-        Command::Status(output) => online::status(instance, *output),
-        Command::Watch(output) => watch::run(instance, *output),
-        Command::Recalibrate(args) => online::recalibrate(instance, args),
-        Command::Cancel(output) => online::cancel(instance, *output),
-        Command::History(output) => history::list(instance, *output),
-        Command::Rollback(args) => history::roll_back(instance, args),
-        Command::Export(args) => export::run(instance, args),
+        Command::Status(output) => online::status(daemon, *output),
+        Command::Watch(output) => watch::run(daemon, *output),
+        Command::Recalibrate(args) => online::recalibrate(daemon, args),
+        Command::Cancel(output) => online::cancel(daemon, *output),
+        Command::History(output) => history::list(daemon, *output),
+        Command::Rollback(args) => history::roll_back(daemon, args),
+        Command::Export(args) => export::run(daemon, args),
         Command::Demo(output) => demo::run(*output),
         // Belongs to the program, not to the client: see src/bin/pelical.rs.
         Command::DemoDaemon => Err(CliError::Failed("this is no command of the client".to_owned())),

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use super::address::Address;
 use super::args::{Output, RecalibrateArgs};
 use super::error::CliError;
 use super::exit::Exit;
@@ -13,9 +14,7 @@ use super::output::time::now_ns;
 use super::talk::say;
 use super::{output, progress};
 use crate::geometry::motion::Motion;
-use crate::ipc::{
-    Activity, CalibrationMessage, Client, HealthMessage, InstanceName, Outcome, ProgressMessage, Response,
-};
+use crate::ipc::{Activity, CalibrationMessage, Client, HealthMessage, Outcome, ProgressMessage, Response};
 use crate::solver::State;
 
 /// A daemon answers within milliseconds; one that is swapping or stopped gets this long.
@@ -27,13 +26,13 @@ pub const GLANCE: Duration = Duration::from_millis(250);
 ///
 /// # Errors
 /// When there is no daemon, or it does not answer.
-pub fn status(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
-    let mut client = Client::connect(instance)?;
+pub fn status(daemon: &Address, output: Output) -> Result<Exit, CliError> {
+    let mut client = daemon.connect()?;
     let response = client.status(ANSWER_WITHIN)?;
     let health = client.latest_health()?.cloned();
     let progress = newest_progress(&mut client)?;
     let words = Words { snapshot: &response.snapshot, health: health.as_ref(), progress: progress.as_ref() };
-    let document = StatusDocument::new(instance, &words);
+    let document = StatusDocument::new(&daemon.instance, &words);
     if output.json {
         output::print_json(&document)?;
     } else {
@@ -46,8 +45,8 @@ pub fn status(instance: &InstanceName, output: Output) -> Result<Exit, CliError>
 ///
 /// # Errors
 /// As [`status`].
-pub fn cancel(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
-    let response = Client::connect(instance)?.cancel(ANSWER_WITHIN)?;
+pub fn cancel(daemon: &Address, output: Output) -> Result<Exit, CliError> {
+    let response = daemon.connect()?.cancel(ANSWER_WITHIN)?;
     print_answer(&response, output)
 }
 
@@ -55,8 +54,8 @@ pub fn cancel(instance: &InstanceName, output: Output) -> Result<Exit, CliError>
 ///
 /// # Errors
 /// As [`status`].
-pub fn recalibrate(instance: &InstanceName, args: &RecalibrateArgs) -> Result<Exit, CliError> {
-    let mut client = Client::connect(instance)?;
+pub fn recalibrate(daemon: &Address, args: &RecalibrateArgs) -> Result<Exit, CliError> {
+    let mut client = daemon.connect()?;
     let response = client.recalibrate(ANSWER_WITHIN)?;
     if !args.wait || response.outcome != Outcome::Accepted {
         return print_answer(&response, args.output);

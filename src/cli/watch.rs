@@ -3,6 +3,7 @@
 
 use std::time::{Duration, Instant};
 
+use super::address::Address;
 use super::args::Output;
 use super::error::CliError;
 use super::exit::Exit;
@@ -12,7 +13,7 @@ use super::online::GLANCE;
 use super::output::moved::MovedDocument;
 use super::output::{self, status};
 use super::talk::say;
-use crate::ipc::{CalibrationMessage, Client, InstanceName};
+use crate::ipc::CalibrationMessage;
 
 /// Progress comes with every frame set; nobody reads 30 lines a second.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -21,9 +22,9 @@ const INTERVAL: Duration = Duration::from_secs(1);
 ///
 /// # Errors
 /// When there is no daemon, or it ends.
-pub fn run(instance: &InstanceName, output: Output) -> Result<Exit, CliError> {
+pub fn run(daemon: &Address, output: Output) -> Result<Exit, CliError> {
     let interrupt = Interrupt::register()?;
-    let mut client = Client::connect(instance)?;
+    let mut client = daemon.connect()?;
     let mut told: Option<Instant> = None;
     let mut moved = MovedDocument { schema: "", moved: Vec::new() };
     while !interrupt.is_set() {

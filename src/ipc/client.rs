@@ -3,28 +3,17 @@
 //! A client outlives the daemon: while there is none, waiting and asking answer [`ClientError::NotRunning`]; as soon as it runs
 //! again the same client works again, without connecting anew.
 
-use std::fmt::Debug;
 use std::time::{Duration, Instant};
 
-use iceoryx2::port::listener::Listener;
-use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{EventId, ZeroCopySend};
+use iceoryx2::prelude::EventId;
 
 use super::message::{CalibrationMessage, HealthMessage, ProgressMessage};
-use super::names::{InstanceName, IpcService, Topic};
+use super::names::InstanceName;
+use super::ports::{self, ClientPorts, PortError, Question};
 use super::request::{Archived, Request, RequestKind, Response};
-use super::services::{
-    Failure, MAX_CLIENTS, Participant, Published, Side, events, has_living_publisher, listen,
-};
-use super::wire::{
-    ArchiveRequestWire, ArchiveResponseWire, CalibrationWire, HealthWire, ProgressWire, RequestWire,
-    ResponseWire, WireError,
-};
-
-type ControlPort = iceoryx2::port::client::Client<IpcService, RequestWire, (), ResponseWire, ()>;
-type ArchivePort =
-    iceoryx2::port::client::Client<IpcService, ArchiveRequestWire, (), ArchiveResponseWire, ()>;
+use super::services::{Failure, MAX_CLIENTS, events};
+use super::transport::Transport;
+use super::wire::{ArchiveRequestWire, RequestWire, WireError};
 
 /// How long the daemon may be silent before the client looks whether it still lives.
 const SILENCE: Duration = Duration::from_millis(100);
@@ -58,9 +47,10 @@ pub enum ClientError {
         /// The name.
         instance: InstanceName,
     },
-    /// The daemon belongs to another user.
+    /// The daemon belongs to another user, and this one is not in its group.
     #[error(
-        "no permission for the shared memory of the daemon '{instance}': run the client as the daemon's user"
+        "no permission to connect to the daemon '{instance}': run the client as the daemon's user, or as a member of its group \
+         (of the installed daemon: `sudo usermod -aG pelical NAME`, then log in again)"
     )]
     Denied {
         /// The name.
@@ -91,14 +81,7 @@ pub enum ClientError {
 #[derive(Debug)]
 pub struct Client {
     instance: InstanceName,
-    calibration_topic: Published<CalibrationWire>,
-    calibration: Subscriber<IpcService, CalibrationWire, ()>,
-    progress: Subscriber<IpcService, ProgressWire, ()>,
-    health: Subscriber<IpcService, HealthWire, ()>,
-    control: ControlPort,
-    archive: ArchivePort,
-    news: Listener<IpcService>,
-    calls: Notifier<IpcService>,
+    ports: Box<dyn ClientPorts>,
     newest_calibration: Option<CalibrationMessage>,
     calibration_is_new: bool,
     newest_health: Option<HealthMessage>,
@@ -106,32 +89,27 @@ pub struct Client {
 }
 
 impl Client {
-    /// Joins the daemon of that name. Its newest messages are there on return, unless it is busy; then they come later.
+    /// Joins the daemon of that name wherever it is: over the first of [`Transport::candidates`] that leads to it. Its newest
+    /// messages are there on return, unless it is busy; then they come later.
     pub fn connect(instance: &InstanceName) -> Result<Self, ClientError> {
-        let refused = |failure| refusal(instance, failure);
-        let participant = Participant::join(instance, Side::Client).map_err(refused)?;
-        let calibration_topic = participant.published(Topic::Calibration).map_err(refused)?;
-        if !has_living_publisher(&calibration_topic) {
-            return Err(ClientError::NotRunning { instance: instance.clone() });
+        let mut refused = ClientError::NotRunning { instance: instance.clone() };
+        for transport in Transport::candidates() {
+            match Self::connect_over(&transport, instance) {
+                // A closed door says more than an empty house.
+                Err(ClientError::NotRunning { .. }) => {}
+                Err(error) => refused = error,
+                connected => return connected,
+            }
         }
-        let progress = participant.published(Topic::Progress).map_err(refused)?;
-        let health = participant.published(Topic::Health).map_err(refused)?;
-        let control = participant.control().map_err(refused)?.client_builder().create();
-        let archive = participant.archive().map_err(refused)?.client_builder().create();
-        let news = participant.event(Topic::News).map_err(refused)?.listener_builder().create();
-        let calls = participant.event(Topic::Calls).map_err(refused)?.notifier_builder().create();
-        // The services are open, so that only their numbers of ports are left to be exceeded.
-        let full = || ClientError::TooManyClients { instance: instance.clone() };
+        Err(refused)
+    }
+
+    /// The same over one transport.
+    pub fn connect_over(transport: &Transport, instance: &InstanceName) -> Result<Self, ClientError> {
+        let ports = ports::connect(transport, instance).map_err(|failure| refusal(instance, failure))?;
         let mut client = Self {
             instance: instance.clone(),
-            calibration: subscriber(&calibration_topic).ok_or_else(full)?,
-            calibration_topic,
-            progress: subscriber(&progress).ok_or_else(full)?,
-            health: subscriber(&health).ok_or_else(full)?,
-            control: control.map_err(|_| full())?,
-            archive: archive.map_err(|_| full())?,
-            news: news.map_err(|_| full())?,
-            calls: calls.map_err(|_| full())?,
+            ports,
             newest_calibration: None,
             calibration_is_new: false,
             newest_health: None,
@@ -158,12 +136,12 @@ impl Client {
 
     /// The next progress message; waits for one. `None` when none came in time.
     pub fn next_progress(&mut self, timeout: Duration) -> Result<Option<ProgressMessage>, ClientError> {
-        self.wait(timeout, |client| client.read(&client.progress))
+        self.wait(timeout, |client| client.read(client.ports.next_progress()))
     }
 
     /// The newest health message that came; `None` before the first.
     pub fn latest_health(&mut self) -> Result<Option<&HealthMessage>, ClientError> {
-        while let Some(message) = self.read(&self.health)? {
+        while let Some(message) = self.read(self.ports.next_health())? {
             self.newest_health = Some(message);
         }
         Ok(self.newest_health.as_ref())
@@ -192,18 +170,8 @@ impl Client {
     /// The newest calibration of the history with a number below this; beginning with the largest number and going on below each
     /// answer gives all of them, newest first.
     pub fn archived_below(&mut self, below: u64, timeout: Duration) -> Result<Archived, ClientError> {
-        let sent = self.archive.send_copy(ArchiveRequestWire::new(below));
-        let pending = sent.map_err(|error| self.failed("sending a question", &error))?;
-        if pending.number_of_server_connections() == 0 {
-            return Err(self.not_running());
-        }
-        self.call(events::asked());
-        let answer = self.wait(timeout, |client| match pending.receive() {
-            Ok(Some(answer)) => Ok(Some(answer.payload().decode(below)?)),
-            Ok(None) => Ok(None),
-            Err(error) => Err(client.failed("receiving an answer", &error)),
-        })?;
-        answer.ok_or_else(|| self.no_answer(timeout))
+        let asked = self.ports.ask_archive(ArchiveRequestWire::new(below));
+        self.answer_to(asked, timeout, |wire| wire.decode(below))
     }
 
     fn ask(
@@ -213,26 +181,32 @@ impl Client {
     ) -> Result<Response, ClientError> {
         self.last_request_id += 1;
         let request = Request { id: self.last_request_id, kind, calibration };
-        let sent = self.control.send_copy(RequestWire::from(request));
-        let pending = sent.map_err(|error| self.failed("sending a request", &error))?;
-        if pending.number_of_server_connections() == 0 {
+        let asked = self.ports.ask(RequestWire::from(request));
+        self.answer_to(asked, timeout, |wire| wire.decode(request))
+    }
+
+    /// Waits for the answer to what was asked.
+    fn answer_to<W, A>(
+        &mut self,
+        asked: Result<Box<dyn Question<W>>, PortError>,
+        timeout: Duration,
+        decode: impl Fn(&W) -> Result<A, WireError>,
+    ) -> Result<A, ClientError> {
+        let pending = asked.map_err(|error| self.failed("sending a request", error))?;
+        if !pending.has_reader() {
             return Err(self.not_running());
         }
         self.call(events::asked());
-        let answer = self.wait(timeout, |client| match pending.receive() {
-            Ok(Some(answer)) => Ok(Some(answer.payload().decode(request)?)),
+        let answer = self.wait(timeout, |client| match pending.answer() {
+            Ok(Some(answer)) => Ok(Some(decode(&answer)?)),
             Ok(None) => Ok(None),
-            Err(error) => Err(client.failed("receiving an answer", &error)),
+            Err(error) => Err(client.failed("receiving an answer", error)),
         })?;
-        answer.ok_or_else(|| self.no_answer(timeout))
+        answer.ok_or_else(|| ClientError::NoAnswer { instance: self.instance.clone(), waited: timeout })
     }
 
     fn not_running(&self) -> ClientError {
         ClientError::NotRunning { instance: self.instance.clone() }
-    }
-
-    fn no_answer(&self, waited: Duration) -> ClientError {
-        ClientError::NoAnswer { instance: self.instance.clone(), waited }
     }
 
     /// Tries `take` whenever the daemon has news, until it gives something, the time is up (`None`) or the daemon is gone.
@@ -248,8 +222,8 @@ impl Client {
             }
             let left = deadline.saturating_duration_since(Instant::now());
             // A signal or a failure of the event only makes this a poll.
-            let news = listen(&self.news, left.min(SILENCE), |_| {}).unwrap_or(0);
-            if news == 0 && !has_living_publisher(&self.calibration_topic) {
+            let news = self.ports.listen(left.min(SILENCE)).unwrap_or(0);
+            if news == 0 && !self.ports.has_daemon() {
                 return Err(self.not_running());
             }
             if left.is_zero() {
@@ -264,54 +238,48 @@ impl Client {
         let mut is_greeted = false;
         while !is_greeted {
             let left = deadline.saturating_duration_since(Instant::now());
-            let waited = listen(&self.news, left, |event| is_greeted |= event == events::greeted());
+            let waited = self.ports.listen_to(left, &mut |event| is_greeted |= event == events::greeted());
             if left.is_zero() || waited.is_err() {
                 break;
             }
         }
     }
 
-    /// Wakes the daemon. It also looks by itself now and then, so that a failure only costs time.
     fn call(&self, event: EventId) {
-        let _ = self.calls.notify_with_custom_event_id(event);
+        self.ports.notify(event);
     }
 
     fn read_calibrations(&mut self) -> Result<(), ClientError> {
-        while let Some(message) = self.read(&self.calibration)? {
+        while let Some(message) = self.read(self.ports.next_calibration())? {
             self.newest_calibration = Some(message);
             self.calibration_is_new = true;
         }
         Ok(())
     }
 
-    fn read<W, M>(&self, subscriber: &Subscriber<IpcService, W, ()>) -> Result<Option<M>, ClientError>
-    where
-        W: Debug + ZeroCopySend,
-        M: for<'a> TryFrom<&'a W, Error = WireError>,
-    {
-        let received = subscriber.receive().map_err(|error| self.failed("receiving", &error))?;
-        Ok(received.map(|sample| M::try_from(sample.payload())).transpose()?)
+    fn read<M>(&self, received: Result<Option<M>, PortError>) -> Result<Option<M>, ClientError> {
+        received.map_err(|error| self.failed("receiving", error))
     }
 
-    fn failed(&self, what: &'static str, error: &dyn Debug) -> ClientError {
-        ClientError::Failed { instance: self.instance.clone(), what, detail: format!("{error:?}") }
+    fn failed(&self, what: &'static str, error: PortError) -> ClientError {
+        match error {
+            PortError::Wire(error) => ClientError::Wire(error),
+            PortError::Failed(detail) => {
+                ClientError::Failed { instance: self.instance.clone(), what, detail }
+            }
+        }
     }
-}
-
-fn subscriber<W>(topic: &Published<W>) -> Option<Subscriber<IpcService, W, ()>>
-where
-    W: Debug + ZeroCopySend + 'static,
-{
-    topic.subscriber_builder().create().ok()
 }
 
 fn refusal(instance: &InstanceName, failure: Failure) -> ClientError {
     let instance = instance.clone();
+    let what = "opening the services";
     match failure {
         Failure::Missing => ClientError::NotRunning { instance },
         Failure::Crowded => ClientError::TooManyClients { instance },
         Failure::Denied => ClientError::Denied { instance },
         Failure::OtherRelease => ClientError::OtherRelease { instance },
-        Failure::Other(detail) => ClientError::Failed { instance, what: "opening the services", detail },
+        Failure::Other(detail) => ClientError::Failed { instance, what, detail },
+        other => ClientError::Failed { instance, what, detail: format!("{other:?}") },
     }
 }

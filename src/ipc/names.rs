@@ -6,9 +6,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// The kind of iceoryx2 service that all our services are; chosen here and nowhere else.
-pub(super) type IpcService = iceoryx2::service::ipc::Service;
-
 /// Longest instance name, bytes.
 const MAX_INSTANCE_BYTES: usize = 32;
 

@@ -1,4 +1,4 @@
-//! How the services are set up, for both sides alike: limits, buffers, and what a failure to open means.
+//! How the services are set up, for both sides and every transport alike: limits, buffers, and what a failure to open means.
 
 use std::fmt::Debug;
 use std::time::{Duration, Instant};
@@ -7,12 +7,13 @@ use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::prelude::{
     CallbackProgression, Config, EventActivation, EventId, LogLevel, NodeBuilder, NodeState, PortFactory,
-    ServiceName, SignalHandlingMode, ZeroCopySend, set_log_level_from_env_or,
+    Service, ServiceName, SignalHandlingMode, ZeroCopySend, set_log_level_from_env_or,
 };
 use iceoryx2::service::builder::{ServiceCreateError, ServiceOpenError};
 use iceoryx2::service::port_factory;
 
-use super::names::{InstanceName, IpcService, Topic};
+use super::names::{InstanceName, Topic};
+use super::transport::Transport;
 use super::wire::{ArchiveRequestWire, ArchiveResponseWire, RequestWire, ResponseWire};
 
 /// Most clients of one daemon at a time.
@@ -51,17 +52,16 @@ pub(super) mod events {
     pub(super) const MAX_ID: usize = 1;
 }
 
-type Node = iceoryx2::prelude::Node<IpcService>;
 /// An open topic.
-pub(super) type Published<W> = port_factory::publish_subscribe::PortFactory<IpcService, W, ()>;
+pub(super) type Published<S, W> = port_factory::publish_subscribe::PortFactory<S, W, ()>;
 /// The open request-response service.
-pub(super) type Control =
-    port_factory::request_response::PortFactory<IpcService, RequestWire, (), ResponseWire, ()>;
+pub(super) type Control<S> =
+    port_factory::request_response::PortFactory<S, RequestWire, (), ResponseWire, ()>;
 /// The open request-response service of the history.
-pub(super) type Archive =
-    port_factory::request_response::PortFactory<IpcService, ArchiveRequestWire, (), ArchiveResponseWire, ()>;
+pub(super) type Archive<S> =
+    port_factory::request_response::PortFactory<S, ArchiveRequestWire, (), ArchiveResponseWire, ()>;
 /// An open event.
-pub(super) type Event = port_factory::event::PortFactory<IpcService>;
+pub(super) type Event<S> = port_factory::event::PortFactory<S>;
 
 /// Why a service could not be opened or made, by what follows from it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -70,8 +70,17 @@ pub(super) enum Failure {
     Missing,
     /// No room for another participant.
     Crowded,
-    /// It belongs to another user.
+    /// It belongs to another user, or to a group that this user is not in.
     Denied,
+    /// Another daemon has the name.
+    Taken,
+    /// The memory or file system that it would live in has too little room left, bytes.
+    NoRoom {
+        /// Free now.
+        free: u64,
+        /// Needed.
+        needed: u64,
+    },
     /// It has another layout: another release of the program uses it.
     OtherRelease,
     /// Another process is at it, or the system is at fault.
@@ -111,22 +120,30 @@ pub(super) enum Side {
 }
 
 /// One process' part in the services of an instance.
-pub(super) struct Participant<'a> {
-    node: Node,
+pub(super) struct Participant<'a, S: Service> {
+    node: iceoryx2::prelude::Node<S>,
     instance: &'a InstanceName,
     side: Side,
 }
 
-impl<'a> Participant<'a> {
+impl<'a, S: Service> Participant<'a, S> {
     /// Joins; what dead participants left behind is cleaned up first.
-    pub(super) fn join(instance: &'a InstanceName, side: Side) -> Result<Self, Failure> {
+    pub(super) fn join(
+        transport: &Transport,
+        instance: &'a InstanceName,
+        side: Side,
+    ) -> Result<Self, Failure> {
+        match side {
+            Side::Daemon => transport.prepare()?,
+            Side::Client => transport.look()?,
+        }
         // What iceoryx2 warns about becomes a typed error of ours.
         set_log_level_from_env_or(LogLevel::Error);
         let built = NodeBuilder::new()
-            .config(&config())
+            .config(&transport.config()?)
             // The daemon has its own handlers for SIGTERM and SIGINT.
             .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<IpcService>();
+            .create::<S>();
         let node = built.map_err(|error| match error {
             NodeCreationFailure::InsufficientPermissions => Failure::Denied,
             other => Failure::Other(format!("{other:?}")),
@@ -136,7 +153,7 @@ impl<'a> Participant<'a> {
     }
 
     /// A topic with one publisher, whose newest message reaches a late subscriber.
-    pub(super) fn published<W>(&self, topic: Topic) -> Result<Published<W>, Failure>
+    pub(super) fn published<W>(&self, topic: Topic) -> Result<Published<S, W>, Failure>
     where
         W: Debug + ZeroCopySend + 'static,
     {
@@ -156,7 +173,7 @@ impl<'a> Participant<'a> {
     }
 
     /// Requests and answers.
-    pub(super) fn control(&self) -> Result<Control, Failure> {
+    pub(super) fn control(&self) -> Result<Control<S>, Failure> {
         let name = self.service_name(Topic::Control)?;
         let builder = || {
             self.node
@@ -170,7 +187,7 @@ impl<'a> Participant<'a> {
     }
 
     /// Questions for older calibrations and the answers, one at a time for each client: an answer has 80 kB.
-    pub(super) fn archive(&self) -> Result<Archive, Failure> {
+    pub(super) fn archive(&self) -> Result<Archive<S>, Failure> {
         let name = self.service_name(Topic::Archive)?;
         let builder = || {
             self.node
@@ -187,7 +204,7 @@ impl<'a> Participant<'a> {
     }
 
     /// An event that wakes the other side.
-    pub(super) fn event(&self, topic: Topic) -> Result<Event, Failure> {
+    pub(super) fn event(&self, topic: Topic) -> Result<Event<S>, Failure> {
         let name = self.service_name(topic)?;
         let builder = || {
             self.node
@@ -230,10 +247,10 @@ impl<'a> Participant<'a> {
 }
 
 /// Waits up to `timeout` for events; returns how many came.
-pub(super) fn listen(
-    listener: &Listener<IpcService>,
+pub(super) fn listen<S: Service>(
+    listener: &Listener<S>,
     timeout: Duration,
-    mut on_event: impl FnMut(EventId),
+    on_event: &mut dyn FnMut(EventId),
 ) -> Result<u64, ListenerWaitError> {
     let callback = |event: EventActivation| on_event(event.id);
     // iceoryx2 0.10 hands the timeout to the socket in whole microseconds, and there 0 means for ever.
@@ -245,8 +262,9 @@ pub(super) fn listen(
 }
 
 /// Whether the daemon that publishes this topic lives: a killed one stays listed until somebody cleans up.
-pub(super) fn has_living_publisher<W>(topic: &Published<W>) -> bool
+pub(super) fn has_living_publisher<S, W>(config: &Config, topic: &Published<S, W>) -> bool
 where
+    S: Service,
     W: Debug + ZeroCopySend + 'static,
 {
     let mut publisher = None;
@@ -256,14 +274,6 @@ where
     });
     // What cannot be found out counts as alive: the request that follows will tell.
     publisher.is_some_and(|node| {
-        !matches!(
-            iceoryx2::prelude::Node::<IpcService>::state_of(&config(), node),
-            Ok(None | Some(NodeState::Dead(_)))
-        )
+        !matches!(iceoryx2::prelude::Node::<S>::state_of(config, node), Ok(None | Some(NodeState::Dead(_))))
     })
-}
-
-/// The configuration of iceoryx2: its defaults, whatever files lie in the working directory.
-fn config() -> Config {
-    Config::default()
 }

@@ -41,10 +41,16 @@ enum StreamEnd {
 impl CaptureLoop {
     /// Runs until the pipeline stops or the recording ends.
     pub(super) fn run(mut self) {
+        self.open_again_and_again();
+        self.shared.pulses.cameras[self.camera].end();
+    }
+
+    fn open_again_and_again(&mut self) {
         let mut pause = BACKOFF.0;
         // A camera that has never been there changes no state, but a wrong serial number should not go unsaid.
         let mut was_told = false;
         while !self.shared.is_stopping() {
+            self.shared.pulses.cameras[self.camera].turn();
             let frames_before = self.frames();
             match self.open_and_stream() {
                 StreamEnd::Stopped => return,
@@ -97,6 +103,7 @@ impl CaptureLoop {
         let mut last_frame = Instant::now();
         let mut spare = None;
         while !self.shared.is_stopping() {
+            self.shared.pulses.cameras[self.camera].turn();
             let Some(mut slot) = spare.take().or_else(|| stream.free_slot()) else {
                 thread::park_timeout(Duration::from_millis(1));
                 continue;
@@ -151,6 +158,7 @@ impl CaptureLoop {
     fn rest(&self, pause: Duration) {
         let until = Instant::now() + pause;
         while !self.shared.is_stopping() {
+            self.shared.pulses.cameras[self.camera].turn();
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return;

@@ -13,6 +13,7 @@ use super::associate::{MatchSource, SeenLines};
 use super::buffers::LineSet;
 use super::event::{Phase, PipelineEvent, Solved};
 use super::options::{PipelineOptions, SolveOptions};
+use super::pulse::Pulse;
 use super::shared::Shared;
 use super::stage::Stage;
 use super::watching::Watching;
@@ -189,7 +190,11 @@ impl EstimateStage {
         let Some(estimator) = &mut self.estimator else { return false };
         let (views, make_source) = (&self.views, &self.make_source);
         let source = self.source.get_or_insert_with(|| make_source());
-        let is_wanted = || !self.shared.is_stopping() && self.shared.phase.is_collecting(self.evidence.round);
+        let is_wanted = || {
+            // Scores take as long as a matcher takes; it asks as it goes on.
+            self.shared.pulses.estimate.turn();
+            !self.shared.is_stopping() && self.shared.phase.is_collecting(self.evidence.round)
+        };
         let mut score = || {
             let slots = views.iter().zip(&set.slots);
             let seen = slots.map(|(view, slot)| Some(SeenLines::new(view.as_ref()?, &slot.as_ref()?.found)));
@@ -242,7 +247,11 @@ impl EstimateStage {
         let start = Instant::now();
         // What was cancelled or begun anew meanwhile is not published; a solution that nobody waits for is given up.
         let round = self.evidence.round;
-        let is_wanted = || !self.shared.is_stopping() && self.shared.phase.is_collecting(round);
+        let is_wanted = || {
+            // A solution takes as long as it takes, but it asks as it goes on: that is its pulse.
+            self.shared.pulses.estimate.turn();
+            !self.shared.is_stopping() && self.shared.phase.is_collecting(round)
+        };
         let solved = {
             let _span = tracing::trace_span!("solve").entered();
             estimator.solve_while(&is_wanted)
@@ -278,6 +287,10 @@ impl Stage for EstimateStage {
         if let Err(error) = rustix::process::setpriority_process(None, NICE) {
             tracing::debug!("the estimator keeps its priority: {error}");
         }
+    }
+
+    fn pulse(&self) -> &Pulse {
+        &self.shared.pulses.estimate
     }
 
     fn step(&mut self) -> bool {

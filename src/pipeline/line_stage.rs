@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::buffers::LineSlot;
 use super::finder::LineFinder;
+use super::pulse::Pulse;
 use super::shared::Shared;
 use super::stage::Stage;
 
@@ -19,6 +20,10 @@ pub(super) struct LineStage {
 impl Stage for LineStage {
     fn register(&mut self) {
         self.shared.wakers.lines[self.index].register();
+    }
+
+    fn pulse(&self) -> &Pulse {
+        &self.shared.pulses.lines[self.index]
     }
 
     fn step(&mut self) -> bool {

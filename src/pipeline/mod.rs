@@ -29,6 +29,7 @@ pub mod motion;
 pub mod offline;
 mod options;
 mod publish;
+mod pulse;
 mod queues;
 mod shared;
 mod stage;
@@ -56,6 +57,7 @@ pub use event::{
 pub use finder::{FindTimes, LineFinder, SegmentLineFinder};
 pub use motion::MotionOptions;
 pub use options::{PipelineOptions, SolveOptions, StartError, SyncOptions};
+pub use pulse::{ThreadVitals, Vitals};
 pub use stats::{Counts, LatencySummaries, LatencySummary};
 
 use capture_loop::CaptureLoop;
@@ -248,6 +250,13 @@ impl Pipeline {
             counts: self.shared.counters.counts(),
             latencies: self.shared.latencies.summaries(),
         }
+    }
+
+    /// Signs of life of all threads now.
+    pub fn vitals(&self) -> Vitals {
+        // Relaxed: a number to compare with a later one.
+        let sets_in_flight = self.shared.queues.in_flight.load(Ordering::Relaxed);
+        self.shared.pulses.vitals(|camera| self.shared.cameras[camera].name.clone(), sets_in_flight)
     }
 
     /// Stops all threads within a second and joins them, writers before readers; says which of them hung.

@@ -7,6 +7,7 @@ use super::MAX_CAMERAS;
 use super::buffers::{LineSet, LineSlot, SetHeader};
 use super::event::{CameraProgress, Phase, PipelineEvent, Progress};
 use super::motion::{Glimpse, MotionOptions, image_speed_px_per_s};
+use super::pulse::Pulse;
 use super::queues::MAX_SETS_IN_FLIGHT;
 use super::shared::Shared;
 use super::stage::Stage;
@@ -135,6 +136,10 @@ fn progress_of(slots: &Slots) -> [CameraProgress; MAX_CAMERAS] {
 impl Stage for PublishStage {
     fn register(&mut self) {
         self.shared.wakers.publish.register();
+    }
+
+    fn pulse(&self) -> &Pulse {
+        &self.shared.pulses.publish
     }
 
     fn step(&mut self) -> bool {

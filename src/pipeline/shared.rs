@@ -9,6 +9,7 @@ use crossbeam_channel::{Sender, TrySendError};
 use crossbeam_queue::ArrayQueue;
 
 use super::event::{CameraState, Phase, PipelineEvent};
+use super::pulse::Pulses;
 use super::queues::Queues;
 use super::stats::{Counter, Counters, Latencies};
 use crate::solver::RigCalibration;
@@ -159,6 +160,7 @@ pub(super) struct Shared {
     pub(super) latencies: Latencies,
     pub(super) queues: Queues,
     pub(super) wakers: Wakers,
+    pub(super) pulses: Pulses,
     /// Set while the estimator has time for a frame set to compare its result with. Relaxed: sets go through the queues.
     pub(super) wants_watched_set: AtomicBool,
     /// A result to watch that was not made in this run, with its round; the newest wins.
@@ -191,6 +193,7 @@ impl Shared {
             latencies: Latencies::default(),
             queues: Queues::new(names.len(), n_line_threads),
             wakers,
+            pulses: Pulses::new(names.len(), n_line_threads),
             wants_watched_set: AtomicBool::new(false),
             given: ArrayQueue::new(1),
             cameras: names.into_iter().map(CameraShared::new).collect(),

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::event::PipelineEvent;
 use super::options::StartError;
+use super::pulse::Pulse;
 use super::shared::Shared;
 
 /// Longest sleep of a thread that has nothing to do; a wake-up ends it earlier.
@@ -17,6 +18,9 @@ pub(super) trait Stage: Send {
     /// Tells the others whom to wake; called once, on the stage's own thread.
     fn register(&mut self) {}
 
+    /// Where the stage's turns are counted.
+    fn pulse(&self) -> &Pulse;
+
     /// Does one piece of work; `false` when there was none.
     fn step(&mut self) -> bool;
 }
@@ -25,7 +29,11 @@ pub(super) trait Stage: Send {
 fn run(stage: &mut dyn Stage, shared: &Shared) {
     stage.register();
     while !shared.is_stopping() {
-        if !stage.step() {
+        let has_worked = stage.step();
+        stage.pulse().turn();
+        if has_worked {
+            stage.pulse().worked();
+        } else {
             thread::park_timeout(POLL);
         }
     }

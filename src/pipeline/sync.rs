@@ -11,6 +11,7 @@ use super::buffers::{FrameSlot, SetHeader};
 use super::event::CameraState;
 use super::matcher::{MatchOptions, Matched, Matcher, Stamped};
 use super::options::SyncOptions;
+use super::pulse::Pulse;
 use super::queues::{MAX_SETS_IN_FLIGHT, SYNC_QUEUE};
 use super::shared::{Shared, Waker};
 use super::stage::Stage;
@@ -131,6 +132,10 @@ fn header_of(set: &Matched<Box<FrameSlot>>, id: u64) -> Option<SetHeader> {
 impl Stage for SyncStage {
     fn register(&mut self) {
         self.shared.wakers.sync.register();
+    }
+
+    fn pulse(&self) -> &Pulse {
+        &self.shared.pulses.sync
     }
 
     fn step(&mut self) -> bool {

@@ -63,6 +63,7 @@ impl Watching {
         let Some((watch, round)) = &mut self.watch else { return };
         let (shared, round) = (&self.shared, *round);
         let is_wanted = || {
+            shared.pulses.estimate.turn();
             !shared.is_stopping() && shared.phase.phase() == Phase::Watching && shared.phase.round() == round
         };
         if !is_wanted() {

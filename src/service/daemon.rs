@@ -10,9 +10,13 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 
 use super::config::{CameraChoice, Config, OnMoved, RigError};
 use super::error::ServiceError;
+use super::logging::LogHandle;
+use super::manager::ServiceManager;
+use super::reload::Reloader;
 use super::state::{self, Life};
 use super::stop::Stop;
 use super::storing::{self, Storing};
+use super::supervisor::{Standing, Supervisor};
 use super::telling::{HealthTeller, ProgressTeller, log_moved, wall_clock_ns};
 use crate::capture::DeviceFactory;
 use crate::ipc::{
@@ -52,6 +56,17 @@ struct Daemon {
     keeps_result: bool,
     /// Messages that could not be published since health was told last, and why the last one could not.
     unpublished: (u32, Option<ServerError>),
+    supervisor: Supervisor,
+    reloader: Option<(Reloader, LogHandle)>,
+}
+
+/// What a daemon is tied to besides its config; nothing, where it runs within another program.
+#[derive(Debug, Default)]
+pub(super) struct Attachments {
+    /// Who started it.
+    pub(super) manager: ServiceManager,
+    /// The config file, to be read again when asked to, and the log whose level it says.
+    pub(super) reloader: Option<(Reloader, LogHandle)>,
 }
 
 /// Both sides that are listened to.
@@ -122,9 +137,22 @@ fn identities(cameras: &[CameraChoice]) -> Vec<CameraIdentity> {
 /// # Errors
 /// When it cannot start, or when the pipeline fails again and again.
 pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
+    run_attached(config, stop, Attachments::default())
+}
+
+/// The same with a service manager and a config file.
+pub(super) fn run_attached(
+    config: &Config,
+    stop: &Stop,
+    attachments: Attachments,
+) -> Result<(), ServiceError> {
+    let Attachments { manager, reloader } = attachments;
+    let mut supervisor = Supervisor::new(manager, config.ready_when);
+    supervisor.say("opening the cameras' back end");
     // The name first: a second daemon must not even touch the cameras.
-    let server = Server::start(&config.instance)?;
-    let mut daemon = Daemon::new(config, Storing::open(&config.store, &config.instance));
+    let server = Server::start_over(&config.transport, &config.instance)?;
+    let storing = Storing::open(&config.store, &config.instance);
+    let mut daemon = Daemon::new(config, storing, (supervisor, reloader));
     // Listed cameras are known before they are there: nobody waits for a back end to get the last good calibration.
     if let Some(listed) = config.cameras.listed() {
         daemon.serve_newest(identities(&listed?), &server);
@@ -199,7 +227,11 @@ fn open_rig(
 }
 
 impl Daemon {
-    fn new(config: &Config, storing: Storing) -> Self {
+    fn new(
+        config: &Config,
+        storing: Storing,
+        (supervisor, reloader): (Supervisor, Option<(Reloader, LogHandle)>),
+    ) -> Self {
         Self {
             identities: Vec::new(),
             life: Life::new(),
@@ -212,6 +244,8 @@ impl Daemon {
             on_moved: config.on_moved,
             keeps_result: false,
             unpublished: (0, None),
+            supervisor,
+            reloader,
         }
     }
 
@@ -230,6 +264,10 @@ impl Daemon {
             if self.health.is_due(HEALTH_INTERVAL) {
                 self.tell_health(live);
             }
+            self.reload_when_asked();
+            if self.supervisor.is_due() {
+                self.be_looked_at(&live.pipeline);
+            }
         }
         End::Requested
     }
@@ -237,7 +275,10 @@ impl Daemon {
     /// Whoever asks in the last moment gets an answer.
     fn say_goodbye(&mut self, live: &Live<'_>, end: &End) {
         match end {
-            End::Requested => self.life.on_stop(),
+            End::Requested => {
+                self.life.on_stop();
+                self.supervisor.stopping("stopping");
+            }
             End::Bug { .. } => {
                 // What is served the next pipeline goes on watching.
                 if self.served.is_none() {
@@ -248,6 +289,30 @@ impl Daemon {
             }
         }
         self.answer_clients(live);
+    }
+
+    fn be_looked_at(&mut self, pipeline: &Pipeline) {
+        let snapshot = pipeline.snapshot();
+        let daemon = self.snapshot(&snapshot);
+        let standing = Standing { daemon: &daemon, cameras: &snapshot.cameras };
+        self.supervisor.look(pipeline.vitals(), &standing);
+    }
+
+    fn reload_when_asked(&mut self) {
+        let Some((reloader, log)) = &mut self.reloader else { return };
+        if !reloader.take_request() {
+            return;
+        }
+        match self.supervisor.during_reload(|| reloader.reload()) {
+            Ok(taken) => {
+                log.set_level(taken.config.log.level);
+                self.on_moved = taken.config.on_moved;
+                self.supervisor.set_ready_when(taken.config.ready_when);
+                self.config_hash = taken.config.hash;
+                tracing::info!(changed = taken.keys.join(", "), "config read again");
+            }
+            Err(error) => tracing::error!("the config stays as it was: {error}"),
+        }
     }
 
     fn answer_clients(&mut self, live: &Live<'_>) {

@@ -4,9 +4,12 @@ pub mod config;
 mod daemon;
 mod error;
 pub mod logging;
+mod manager;
+mod reload;
 mod state;
 mod stop;
 mod storing;
+mod supervisor;
 mod telling;
 
 use std::ffi::OsString;
@@ -19,17 +22,21 @@ pub use stop::Stop;
 
 use crate::ipc::InstanceName;
 use config::{Config, LogLevel};
+use daemon::Attachments;
+use manager::ServiceManager;
+use reload::Reloader;
 
 /// Runs the daemon of a config file until a signal asks it to stop.
 ///
 /// # Errors
 /// When the config is wrong, the daemon cannot start, or it gives up.
 pub fn start(file: &Path) -> Result<(), ServiceError> {
-    let (_, mut config) = config::load(file)?;
+    let (sections, mut config) = config::load(file)?;
     if config.store.directory.is_none() {
         config.store.directory = state_directory(std::env::var_os("STATE_DIRECTORY"));
     }
-    run_process(&config)
+    let reloader = Reloader::on_signal(file, sections)?;
+    run_process(&config, Some(reloader))
 }
 
 /// The folder that systemd has made for this service; the first where it has made several.
@@ -53,13 +60,15 @@ pub fn start_demo(instance: InstanceName) -> Result<(), ServiceError> {
         source: error.into(),
     };
     rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::TERM)).map_err(system)?;
-    run_process(&config)
+    run_process(&config, None)
 }
 
-fn run_process(config: &Config) -> Result<(), ServiceError> {
-    logging::start(&config.log);
+fn run_process(config: &Config, reloader: Option<Reloader>) -> Result<(), ServiceError> {
+    let log = logging::start(&config.log);
     log_panics();
-    run(config, &Stop::on_signals()?)
+    let stop = Stop::on_signals()?;
+    let reloader = reloader.map(|reloader| (reloader, log));
+    daemon::run_attached(config, &stop, Attachments { manager: ServiceManager::from_environment(), reloader })
 }
 
 /// A panic is a bug; it shall stand in the log wherever that goes, not only on stderr.

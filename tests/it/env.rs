@@ -60,6 +60,13 @@ impl TestEnv {
         Running::start(command.arg("--config").arg(config), self.path("daemon"))
     }
 
+    /// The daemon, left running with these variables in its environment.
+    pub fn start_daemon_with(&self, config: &Path, variables: &[(&str, &str)]) -> Running {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pelicald"));
+        command.arg("--config").arg(config).envs(variables.iter().copied());
+        Running::start(&mut command, self.path("daemon"))
+    }
+
     /// The client with this test's instance, left running.
     pub fn start_pelical(&self, arguments: &[&str]) -> Running {
         let mut command = Command::new(env!("CARGO_BIN_EXE_pelical"));
@@ -168,6 +175,7 @@ impl Running {
             "INT" => Signal::INT,
             "TERM" => Signal::TERM,
             "KILL" => Signal::KILL,
+            "HUP" => Signal::HUP,
             other => panic!("no test sends {other}"),
         };
         let pid = Pid::from_raw(self.child.id() as i32).expect("a process id");

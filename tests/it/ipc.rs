@@ -1,4 +1,4 @@
-//! Daemon and client over real shared memory, each test under an instance name of its own.
+//! Daemon and client over both transports, each test under an instance name of its own.
 #![allow(clippy::expect_used, reason = "clippy sees the helpers of an integration test as product code")]
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -10,6 +10,7 @@ use pelical::ipc::{
     Activity, Archived, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, Client,
     ClientError, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage, Provenance,
     RefusalCode, Request, RequestKind, Response, Server, ServerError, Skew, Snapshot, StageLatency,
+    Transport,
 };
 use pelical::solver::{CameraPose, Reason, ReasonCode, RigCalibration, State};
 
@@ -129,12 +130,12 @@ struct Daemon {
 }
 
 impl Daemon {
-    fn start(instance: &InstanceName) -> Self {
+    fn start(over: &Transport, instance: &InstanceName) -> Self {
         let (jobs, todo) = mpsc::channel::<Job>();
         let (started, is_started) = mpsc::channel();
-        let instance = instance.clone();
+        let (over, instance) = (over.clone(), instance.clone());
         let thread = std::thread::spawn(move || {
-            let server = Server::start(&instance).expect("no other daemon of this name");
+            let server = Server::start_over(&over, &instance).expect("no other daemon of this name");
             started.send(()).expect("the test waits");
             loop {
                 match todo.try_recv() {
@@ -166,10 +167,37 @@ impl Drop for Daemon {
     }
 }
 
-#[test]
-fn a_client_that_joins_after_the_result_gets_it() {
+/// Each of these with shared memory and with files.
+macro_rules! over_both {
+    ($($name:ident)*) => {
+        mod shared_memory {
+            $(#[test] fn $name() { super::$name(&super::Transport::SharedMemory) })*
+        }
+        mod files {
+            $(#[test] fn $name() {
+                let folder = tempfile::tempdir().expect("a temporary folder");
+                super::$name(&super::Transport::files(folder.path()));
+            })*
+        }
+    };
+}
+
+over_both! {
+    a_client_that_joins_after_the_result_gets_it
+    each_kind_of_request_gets_its_typed_answer
+    a_whole_history_comes_newest_first_to_several_clients_at_once
+    progress_messages_come_in_order
+    a_client_that_never_reads_does_not_hold_up_the_daemon
+    a_second_daemon_of_the_same_name_is_refused
+    a_client_without_a_daemon_is_told_so
+    a_daemon_that_is_too_busy_gives_no_answer
+    a_client_goes_on_with_the_next_daemon
+    a_killed_daemon_leaves_nothing_in_the_way
+}
+
+fn a_client_that_joins_after_the_result_gets_it(over: &Transport) {
     let instance = unique_instance();
-    let daemon = Daemon::start(&instance);
+    let daemon = Daemon::start(over, &instance);
     let (done, is_done) = mpsc::channel();
     daemon.run(move |server| {
         server.publish_calibration(&calibration(1)).expect("published");
@@ -178,7 +206,7 @@ fn a_client_that_joins_after_the_result_gets_it() {
         done.send(()).expect("the test waits");
     });
     is_done.recv().expect("published");
-    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let mut client = Client::connect_over(over, &instance).expect("the daemon runs");
     let newest = client.wait_calibration(PLENTY).expect("the daemon runs");
     assert_eq!(newest, Some(calibration(2)));
     assert_eq!(
@@ -194,11 +222,10 @@ fn a_client_that_joins_after_the_result_gets_it() {
     assert_eq!(next.sequence, 3);
 }
 
-#[test]
-fn each_kind_of_request_gets_its_typed_answer() {
+fn each_kind_of_request_gets_its_typed_answer(over: &Transport) {
     let instance = unique_instance();
-    let _daemon = Daemon::start(&instance);
-    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let _daemon = Daemon::start(over, &instance);
+    let mut client = Client::connect_over(over, &instance).expect("the daemon runs");
     let status = client.status(PLENTY).expect("answered");
     assert_eq!((status.outcome, status.snapshot), (Outcome::Accepted, snapshot()));
     assert_eq!(client.recalibrate(PLENTY).expect("answered").outcome, Outcome::Busy);
@@ -206,10 +233,9 @@ fn each_kind_of_request_gets_its_typed_answer() {
     assert!(matches!(refused, Outcome::Refused { code: RefusalCode::NothingToCancel, .. }), "{refused:?}");
 }
 
-#[test]
-fn a_whole_history_comes_newest_first_to_several_clients_at_once() {
+fn a_whole_history_comes_newest_first_to_several_clients_at_once(over: &Transport) {
     let instance = unique_instance();
-    let _daemon = Daemon::start(&instance);
+    let _daemon = Daemon::start(over, &instance);
     let read = |mut client: Client| {
         let (mut found, mut below) = (Vec::new(), u64::MAX);
         while let Archived::Found(message) = client.archived_below(below, PLENTY).expect("answered") {
@@ -220,31 +246,29 @@ fn a_whole_history_comes_newest_first_to_several_clients_at_once() {
     };
     std::thread::scope(|scope| {
         for _ in 0..3 {
-            scope.spawn(|| read(Client::connect(&instance).expect("the daemon runs")));
+            scope.spawn(|| read(Client::connect_over(over, &instance).expect("the daemon runs")));
         }
     });
-    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let mut client = Client::connect_over(over, &instance).expect("the daemon runs");
     let refused = client.rollback(7, PLENTY).expect("answered").outcome;
     let code = RefusalCode::UnknownCalibration;
     assert_eq!(refused, Outcome::Refused { code, sentence: "no calibration 7".to_owned() });
 }
 
-#[test]
-fn progress_messages_come_in_order() {
+fn progress_messages_come_in_order(over: &Transport) {
     let instance = unique_instance();
-    let daemon = Daemon::start(&instance);
-    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let daemon = Daemon::start(over, &instance);
+    let mut client = Client::connect_over(over, &instance).expect("the daemon runs");
     daemon.run(|server| (1..=5).for_each(|n| server.publish_progress(&progress(n)).expect("published")));
     for n in 1..=5 {
         assert_eq!(client.next_progress(PLENTY).expect("the daemon runs"), Some(progress(n)));
     }
 }
 
-#[test]
-fn a_client_that_never_reads_does_not_hold_up_the_daemon() {
+fn a_client_that_never_reads_does_not_hold_up_the_daemon(over: &Transport) {
     let instance = unique_instance();
-    let daemon = Daemon::start(&instance);
-    let mut sleeper = Client::connect(&instance).expect("the daemon runs");
+    let daemon = Daemon::start(over, &instance);
+    let mut sleeper = Client::connect_over(over, &instance).expect("the daemon runs");
     let (done, is_done) = mpsc::channel();
     daemon.run(move |server| {
         (1..=2_000).for_each(|n| server.publish_progress(&progress(n)).expect("published"));
@@ -255,32 +279,29 @@ fn a_client_that_never_reads_does_not_hold_up_the_daemon() {
     assert!(first.sequence > 1_900, "kept {} instead of the newest", first.sequence);
 }
 
-#[test]
-fn a_second_daemon_of_the_same_name_is_refused() {
+fn a_second_daemon_of_the_same_name_is_refused(over: &Transport) {
     let instance = unique_instance();
-    let _daemon = Daemon::start(&instance);
-    let error = Server::start(&instance).expect_err("the name is taken");
+    let _daemon = Daemon::start(over, &instance);
+    let error = Server::start_over(over, &instance).expect_err("the name is taken");
     assert!(
         matches!(&error, ServerError::AlreadyRunning { instance: named } if *named == instance),
         "{error}"
     );
     assert!(error.to_string().contains(instance.as_str()), "{error}");
-    let mut client = Client::connect(&instance).expect("the first daemon still runs");
+    let mut client = Client::connect_over(over, &instance).expect("the first daemon still runs");
     client.status(PLENTY).expect("and still answers");
 }
 
-#[test]
-fn a_client_without_a_daemon_is_told_so() {
+fn a_client_without_a_daemon_is_told_so(over: &Transport) {
     let instance = unique_instance();
-    let error = Client::connect(&instance).expect_err("nobody there");
+    let error = Client::connect_over(over, &instance).expect_err("nobody there");
     assert!(matches!(error, ClientError::NotRunning { .. }), "{error}");
 }
 
-#[test]
-fn a_daemon_that_is_too_busy_gives_no_answer() {
+fn a_daemon_that_is_too_busy_gives_no_answer(over: &Transport) {
     let instance = unique_instance();
-    let daemon = Daemon::start(&instance);
-    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let daemon = Daemon::start(over, &instance);
+    let mut client = Client::connect_over(over, &instance).expect("the daemon runs");
     let (release, released) = mpsc::channel::<()>();
     let (busy, is_busy) = mpsc::channel();
     daemon.run(move |_| {
@@ -294,17 +315,16 @@ fn a_daemon_that_is_too_busy_gives_no_answer() {
     client.status(PLENTY).expect("answered again, and not with the answer to the first");
 }
 
-#[test]
-fn a_client_goes_on_with_the_next_daemon() {
+fn a_client_goes_on_with_the_next_daemon(over: &Transport) {
     let instance = unique_instance();
-    let daemon = Daemon::start(&instance);
-    let mut client = Client::connect(&instance).expect("the daemon runs");
+    let daemon = Daemon::start(over, &instance);
+    let mut client = Client::connect_over(over, &instance).expect("the daemon runs");
     drop(daemon);
     let error = client.status(PLENTY).expect_err("the daemon ended");
     assert!(matches!(error, ClientError::NotRunning { .. }), "{error}");
     let error = client.wait_calibration(PLENTY).expect_err("the daemon ended");
     assert!(matches!(error, ClientError::NotRunning { .. }), "{error}");
-    let daemon = Daemon::start(&instance);
+    let daemon = Daemon::start(over, &instance);
     daemon.run(|server| server.publish_calibration(&calibration(7)).expect("published"));
     let next = client.wait_calibration(PLENTY).expect("the daemon runs").expect("published");
     assert_eq!(next.sequence, 7);
@@ -313,12 +333,16 @@ fn a_client_goes_on_with_the_next_daemon() {
 
 /// Set in a child process: the instance that it serves until it is killed.
 const SERVE: &str = "PELICAL_TEST_SERVE";
+/// With it: the folder of the files; without, shared memory.
+const SERVE_BELOW: &str = "PELICAL_TEST_SERVE_BELOW";
 
 /// Not a test by itself: the daemon of [`a_killed_daemon_leaves_nothing_in_the_way`], in a process of its own.
 #[test]
 fn serves_when_asked_to_by_its_environment() {
     let Ok(name) = std::env::var(SERVE) else { return };
-    let server = Server::start(&name.parse().expect("allowed characters")).expect("started");
+    let over = std::env::var(SERVE_BELOW).map_or(Transport::SharedMemory, Transport::files);
+    let instance = name.parse().expect("allowed characters");
+    let server = Server::start_over(&over, &instance).expect("started");
     server.publish_calibration(&calibration(1)).expect("published");
     // The parent kills this process; if it died instead, this one must not stay for ever.
     let deadline = Instant::now() + 2 * PLENTY;
@@ -330,12 +354,15 @@ fn serves_when_asked_to_by_its_environment() {
 struct Child(std::process::Child);
 
 impl Child {
-    fn serve(instance: &InstanceName) -> Self {
+    fn serve(over: &Transport, instance: &InstanceName) -> Self {
         let this = std::env::current_exe().expect("this test's binary");
         let mut command = std::process::Command::new(this);
         command
             .args(["--exact", "ipc::serves_when_asked_to_by_its_environment"])
             .env(SERVE, instance.as_str());
+        if let Transport::Files { directory } = over {
+            command.env(SERVE_BELOW, directory);
+        }
         command.stdout(std::process::Stdio::null());
         Self(command.spawn().expect("started"))
     }
@@ -354,10 +381,10 @@ impl Drop for Child {
     }
 }
 
-fn connect_within_plenty(instance: &InstanceName) -> Client {
+fn connect_within_plenty(over: &Transport, instance: &InstanceName) -> Client {
     let deadline = Instant::now() + PLENTY;
     loop {
-        match Client::connect(instance) {
+        match Client::connect_over(over, instance) {
             Ok(client) => return client,
             Err(error) => assert!(Instant::now() < deadline, "no daemon came up: {error}"),
         }
@@ -365,23 +392,22 @@ fn connect_within_plenty(instance: &InstanceName) -> Client {
     }
 }
 
-#[test]
-fn a_killed_daemon_leaves_nothing_in_the_way() {
+fn a_killed_daemon_leaves_nothing_in_the_way(over: &Transport) {
     let instance = unique_instance();
-    let mut child = Child::serve(&instance);
-    let mut old_client = connect_within_plenty(&instance);
+    let mut child = Child::serve(over, &instance);
+    let mut old_client = connect_within_plenty(over, &instance);
     old_client.wait_calibration(PLENTY).expect("the child runs").expect("its calibration");
     for round in 0..3 {
         child.kill();
         let error = old_client.status(PLENTY).expect_err("killed");
         assert!(matches!(error, ClientError::NotRunning { .. }), "{error}");
-        let error = Client::connect(&instance).expect_err("killed");
+        let error = Client::connect_over(over, &instance).expect_err("killed");
         assert!(matches!(error, ClientError::NotRunning { .. }), "{error}");
         if round == 1 {
-            let _in_this_process = Server::start(&instance).expect("the name is free");
+            let _in_this_process = Server::start_over(over, &instance).expect("the name is free");
         }
-        child = Child::serve(&instance);
-        let mut new_client = connect_within_plenty(&instance);
+        child = Child::serve(over, &instance);
+        let mut new_client = connect_within_plenty(over, &instance);
         new_client.status(PLENTY).expect("the new client is served");
         let found = new_client.wait_calibration(PLENTY).expect("the new child runs");
         assert_eq!(found, Some(calibration(1)), "round {round}: a client of the new daemon");
@@ -391,5 +417,58 @@ fn a_killed_daemon_leaves_nothing_in_the_way() {
     }
     child.kill();
     // Whoever comes next cleans up after the killed: nothing of this test stays.
-    assert!(matches!(Client::connect(&instance), Err(ClientError::NotRunning { .. })));
+    assert!(matches!(Client::connect_over(over, &instance), Err(ClientError::NotRunning { .. })));
+}
+
+/// Names of what there is below a folder.
+fn files_below(folder: &std::path::Path) -> Vec<String> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let mut names = Vec::new();
+    for entry in entries.map(|entry| entry.expect("readable").path()) {
+        if entry.is_dir() {
+            names.extend(files_below(&entry))
+        } else {
+            names.push(entry.display().to_string())
+        }
+    }
+    names.sort();
+    names
+}
+
+#[test]
+fn clients_of_the_files_leave_nothing_behind_and_nothing_is_in_shared_memory() {
+    let (folder, instance) = (tempfile::tempdir().expect("a temporary folder"), unique_instance());
+    let over = Transport::files(folder.path());
+    let daemon = Daemon::start(&over, &instance);
+    let use_once = || {
+        let mut client = Client::connect_over(&over, &instance).expect("the daemon runs");
+        client.status(PLENTY).expect("answered");
+    };
+    use_once();
+    let before = files_below(folder.path());
+    assert!(!before.is_empty(), "nothing is in the folder");
+    (0..20).for_each(|_| use_once());
+    // The daemon drops its side of a connection when it next looks.
+    let deadline = Instant::now() + PLENTY;
+    while files_below(folder.path()).len() > before.len() && Instant::now() < deadline {
+        use_once();
+    }
+    assert_eq!(files_below(folder.path()).len(), before.len());
+    let mapped = std::fs::read_to_string("/proc/self/maps").expect("readable");
+    let place = folder.path().display().to_string();
+    assert!(mapped.contains(&place), "the daemon in this process maps files below {place}");
+    drop(daemon);
+    let left = files_below(folder.path());
+    assert!(left.len() <= 1, "the end leaves {left:?}");
+}
+
+#[test]
+fn a_daemon_of_another_folder_is_not_found() {
+    let instance = unique_instance();
+    let (here, elsewhere) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let _daemon = Daemon::start(&Transport::files(here.path()), &instance);
+    for over in [Transport::files(elsewhere.path()), Transport::SharedMemory] {
+        let error = Client::connect_over(&over, &instance).expect_err("nobody there");
+        assert!(matches!(error, ClientError::NotRunning { .. }), "{over:?}: {error}");
+    }
 }

@@ -25,6 +25,7 @@ mod pipeline;
 mod replay;
 mod scripted;
 mod solve;
+mod supervision;
 mod synthetic_pair;
 mod watching;
 mod writer;

@@ -6,7 +6,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use pelical::capture::realsense_models::{MODELS, VENDOR_ID};
+use pelical::ipc::Transport;
+
 const RULES: &str = "udev/60-pelical.rules";
+const SYSUSERS: &str = "systemd/pelical.sysusers";
 const UNIT: &str = "systemd/pelicald.service";
 
 fn shipped(path: &str) -> String {
@@ -35,7 +39,7 @@ fn check_term((key, operator, _): Term<'_>) -> Result<(), String> {
     let is_compared = COMPARE.contains(&operator);
     match key.split('{').next().unwrap_or(key) {
         "ACTION" | "SUBSYSTEM" | "KERNEL" | "DRIVER" | "ATTR" | "ATTRS" if is_compared => Ok(()),
-        "GROUP" | "MODE" | "TAG" | "GOTO" | "LABEL" if !is_compared => Ok(()),
+        "GROUP" | "MODE" | "TAG" | "RUN" | "GOTO" | "LABEL" if !is_compared => Ok(()),
         "ENV" => Ok(()),
         _ => Err(format!("'{key}{operator}' is not a use of this key that these rules need")),
     }
@@ -61,23 +65,48 @@ fn parse_rules(text: &str) -> Result<Vec<Vec<Term<'_>>>, String> {
     }
 }
 
+/// The value of the one term of a rule with this key.
+fn value_of<'a>(rule: &[Term<'a>], wanted: &str) -> Option<&'a str> {
+    rule.iter().find(|(key, _, _)| *key == wanted).map(|(_, _, value)| *value)
+}
+
+#[test]
+fn the_udev_rules_name_the_models_of_the_table_and_no_others() {
+    let text = shipped(RULES);
+    let rules = parse_rules(&text).unwrap_or_else(|error| panic!("{RULES}, {error}"));
+    let named = rules.iter().filter_map(|rule| {
+        Some((
+            value_of(rule, "ATTR{idProduct}")?.to_owned(),
+            value_of(rule, "ENV{PELICAL_CAMERA}")?.to_owned(),
+        ))
+    });
+    let models = MODELS.iter().map(|model| (format!("{:04x}", model.product_id), model.name.to_owned()));
+    assert_eq!(named.collect::<Vec<_>>(), models.collect::<Vec<_>>());
+    let with_imu: Vec<String> = MODELS
+        .iter()
+        .filter(|model| model.has_imu)
+        .map(|model| format!("{:04x}", model.product_id))
+        .collect();
+    let parts: Vec<&str> = rules.iter().filter_map(|rule| value_of(rule, "ATTRS{idProduct}")).collect();
+    assert_eq!(parts, vec![with_imu.join("|"); 3], "iio, hidraw and custom sensors");
+    let vendors = rules.iter().flatten().filter(|(key, _, _)| key.ends_with("{idVendor}"));
+    assert!(vendors.into_iter().all(|(_, _, value)| *value == format!("{VENDOR_ID:04x}")));
+}
+
 #[test]
 fn every_udev_rule_compares_what_it_should_and_gives_the_camera_to_the_group_alone() {
     let text = shipped(RULES);
     let rules = parse_rules(&text).unwrap_or_else(|error| panic!("{RULES}, {error}"));
-    assert!(text.contains("ATTR{idVendor}!=\"8086\", GOTO="), "other vendors are left alone");
-    let cameras: Vec<_> = rules.iter().filter(|rule| rule[0].0 == "ATTR{idProduct}").collect();
-    let ids: BTreeSet<&str> = cameras.iter().map(|rule| rule[0].2).collect();
-    assert_eq!(ids.len(), cameras.len(), "a product stands twice");
-    assert!(ids.contains("0b3a"), "the D435i is missing");
-    for rule in cameras {
-        let id = rule[0].2;
-        assert!(id.len() == 4 && id.chars().all(|c| "0123456789abcdef".contains(c)), "{id} is no product id");
-        for wanted in [("GROUP", "=", "pelical"), ("MODE", "=", "0660"), ("TAG", "+=", "systemd")] {
-            assert!(rule.contains(&wanted), "{id} lacks {wanted:?}");
-        }
-        assert!(rule.iter().any(|(key, _, name)| *key == "ENV{PELICAL_CAMERA}" && name.starts_with('D')));
+    let given: Vec<_> = rules.iter().filter(|rule| value_of(rule, "MODE").is_some()).collect();
+    assert_eq!(given.len(), 4, "cameras, and three kinds of IMU nodes");
+    for rule in given {
+        assert!(
+            rule.contains(&("GROUP", "=", "pelical")) && rule.contains(&("MODE", "=", "0660")),
+            "{rule:?}"
+        );
     }
+    let cameras = rules.iter().find(|rule| rule[0] == ("ENV{PELICAL_CAMERA}", "==", "?*"));
+    assert!(cameras.expect("one rule for all cameras").contains(&("TAG", "+=", "systemd")));
 }
 
 #[test]
@@ -109,14 +138,54 @@ fn value<'a>(unit: &'a str, key: &str) -> &'a str {
 }
 
 #[test]
-fn the_unit_and_the_udev_rules_agree_on_the_group_and_a_wrong_config_is_not_tried_again() {
+fn unit_users_rules_and_config_agree_and_a_wrong_config_is_not_tried_again() {
     let unit = shipped(UNIT);
     assert_eq!(value(&unit, "ExecStart"), "/usr/bin/pelicald --config /etc/pelical/pelicald.yaml");
-    assert_eq!(value(&unit, "User"), "pelical");
-    assert_eq!(value(&unit, "Group"), "pelical");
-    assert_eq!(value(&unit, "ConfigurationDirectory"), "pelical");
+    for key in ["User", "Group", "ConfigurationDirectory", "StateDirectory", "RuntimeDirectory"] {
+        assert_eq!(value(&unit, key), "pelical", "{key}");
+    }
+    assert_eq!(value(&unit, "RuntimeDirectoryMode"), "0750");
+    assert_eq!(value(&unit, "Type"), "notify");
+    assert!(shipped(SYSUSERS).lines().any(|line| line.starts_with("u pelical ")), "{SYSUSERS}");
     let never_again: BTreeSet<&str> = value(&unit, "RestartPreventExitStatus").split(' ').collect();
     assert_eq!(never_again, BTreeSet::from(["2", "78"]));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("pelicald.yaml");
+    fs::write(&file, shipped("config/robot.yaml")).expect("written");
+    let (_, config) = pelical::service::config::load(&file).expect("the installed config is valid");
+    assert_eq!(config.transport, Transport::files("/run/pelical"));
+}
+
+/// How exposed systemd thinks that a unit is, 0 to 10; `None` where systemd is not installed or cannot tell.
+fn exposure(unit: &str, folder: &Path) -> Option<f64> {
+    let file = folder.join("exposed.service");
+    fs::write(&file, unit).expect("a folder that can be written");
+    let output = Command::new("systemd-analyze")
+        .args(["security", "--offline=true", "--no-pager"])
+        .arg(&file)
+        .output();
+    let said = String::from_utf8_lossy(&output.ok()?.stdout).into_owned();
+    said.split("exposure level for").nth(1)?.split_whitespace().nth(1)?.parse().ok()
+}
+
+#[test]
+fn the_unit_is_hardly_exposed_and_says_why_what_is_missing_is_missing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let unit = shipped(UNIT);
+    for missing in ["PrivateDevices=", "PrivateNetwork=", "RootDirectory=", "DynamicUser=", "~@resources"] {
+        let is_explained = unit.lines().any(|line| line.starts_with('#') && line.contains(missing));
+        assert!(is_explained, "{missing} is not there, and no comment says why");
+    }
+    let Some(found) = exposure(&unit, folder.path()) else {
+        println!("systemd-analyze is not installed, or too old: the exposure is not known");
+        return;
+    };
+    assert!(found <= 1.5, "{found}");
+    let open = unit.replace("SystemCallFilter", "#SystemCallFilter");
+    assert!(
+        exposure(&open, folder.path()).is_some_and(|open| open > found + 1.0),
+        "the figure does not depend on the unit"
+    );
 }
 
 /// What systemd has against a unit; `None` where systemd is not installed.

@@ -18,21 +18,26 @@ use source::{TextFile, files};
 /// Where Rust is written by hand.
 const RUST: [&str; 4] = ["src", "tests", "benches", "examples"];
 /// What else is written by hand; generated and fetched things are left out.
-const TEXTS: [&str; 15] = [
+const TEXTS: [&str; 20] = [
     ".ci",
+    ".dockerignore",
     ".gitignore",
     "ARCHITECTURE.md",
     "CHANGELOG.md",
     "Cargo.toml",
+    "Dockerfile",
     "LICENSE-APACHE",
     "LICENSE-MIT",
     "README.md",
     "clippy.toml",
     "config",
     "docs",
+    "packaging",
     "rustfmt.toml",
     "scripts",
     "systemd",
+    "tests/package",
+    "tests/vm",
     "udev",
 ];
 

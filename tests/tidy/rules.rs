@@ -3,7 +3,7 @@
 use crate::source::{NamedPath, TextFile, paths, words};
 
 /// Who may use whom: a module and what it may name of this crate besides itself; `bin` stands for the two programs.
-pub const USES: [(&str, &[&str]); 11] = [
+pub const USES: [(&str, &[&str]); 12] = [
     ("geometry", &[]),
     ("image", &["geometry"]),
     ("lines", &["geometry", "image"]),

@@ -179,6 +179,7 @@ impl ScriptedSource {
         for fault in self.device.script.faults(&info.serial, number) {
             match fault {
                 Fault::Stall { timeouts } => self.stalls_left = self.stalls_left.saturating_add(timeouts),
+                Fault::Hang { duration } => thread::sleep(duration),
                 Fault::StampJump { by_ns } => self.clock_gap_ns = self.clock_gap_ns.saturating_add(by_ns),
                 Fault::ClockWrap => self.clock_gap_ns = self.clock_gap_ns.saturating_sub(CLOCK_WRAP_NS),
                 Fault::Unplug(replug) => {
@@ -206,7 +207,8 @@ impl ScriptedSource {
                     let half = 3 * frame.width * (frame.height / 2);
                     frame.rgb.iter_mut().skip(half).for_each(|value| *value = 0);
                 }
-                Fault::Stall { .. } | Fault::StampJump { .. } | Fault::ClockWrap | Fault::Unplug(_) => {}
+                Fault::Stall { .. } | Fault::Hang { .. } | Fault::StampJump { .. } => {}
+                Fault::ClockWrap | Fault::Unplug(_) => {}
             }
         }
         is_there

@@ -14,6 +14,11 @@ pub enum Fault {
         /// Calls that answer `Timeout`.
         timeouts: u32,
     },
+    /// Before the frame comes, the device hangs: the call does not come back for so long, whatever its timeout.
+    Hang {
+        /// How long.
+        duration: Duration,
+    },
     /// From this frame on, the camera's clock is off by so much more.
     StampJump {
         /// ns, either sign.

@@ -7,11 +7,12 @@ use super::convert::synthetic_options;
 use super::error::Refusal;
 use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection};
 use super::store::StoreConfig;
+use super::supervision::ReadyWhen;
 use super::watch::OnMoved;
 use crate::capture::replay::{self, ReplayOptions};
 use crate::capture::scripted::FaultScript;
 use crate::capture::synthetic::SyntheticOptions;
-use crate::ipc::{InstanceName, MAX_NAME_BYTES};
+use crate::ipc::{InstanceName, MAX_NAME_BYTES, Transport};
 use crate::pipeline::{MAX_CAMERAS, PipelineOptions};
 use crate::store::sha256_hex;
 
@@ -22,6 +23,10 @@ pub struct Config {
     pub instance: InstanceName,
     /// What is logged, and how.
     pub log: LogSection,
+    /// How clients reach the daemon.
+    pub transport: Transport,
+    /// When the service manager is told that the service is ready.
+    pub ready_when: ReadyWhen,
     /// Which cameras.
     pub cameras: CamerasConfig,
     /// Everything between frames and results.
@@ -73,6 +78,8 @@ impl TryFrom<&ConfigFile> for Config {
         Ok(Self {
             instance: instance.map_err(|error| Refusal::new("instance", error.to_string()))?,
             log: file.log.clone(),
+            transport: super::ipc::transport(&file.ipc)?,
+            ready_when: file.service.ready_when,
             cameras: CamerasConfig::try_from(&file.cameras)?,
             pipeline: super::convert::pipeline_options(file)?,
             on_moved: file.watch.on_moved,

@@ -37,7 +37,7 @@ pub struct FaultEntry {
     /// With which probability at each frame.
     #[serde(default)]
     pub chance: Option<f64>,
-    /// How long a stall or an absence lasts; without it a camera that is unplugged stays away.
+    /// How long a stall, a hang or an absence lasts; without it a camera that is unplugged or hangs does so for good.
     #[serde(default)]
     pub for_s: Option<f64>,
 }
@@ -50,6 +50,8 @@ pub enum FaultKind {
     Drop,
     /// No frame comes for some time.
     Stall,
+    /// The device hangs: no call comes back.
+    Hang,
     /// The camera goes away.
     Unplug,
     /// No depth in the frame.
@@ -100,6 +102,9 @@ impl FaultEntry {
                 let calls =
                     duration.unwrap_or(Duration::from_secs(1)).as_secs_f64() / FRAME_TIMEOUT.as_secs_f64();
                 Fault::Stall { timeouts: calls.ceil() as u32 }
+            }
+            FaultKind::Hang => {
+                Fault::Hang { duration: duration.unwrap_or(Duration::from_secs_f64(MAX_FOR_S)) }
             }
             FaultKind::Unplug => Fault::Unplug(duration.map_or(Replug::Never, Replug::AfterTime)),
             FaultKind::ZeroDepth => Fault::ZeroDepth,

@@ -7,11 +7,13 @@ mod convert;
 mod error;
 mod estimator;
 mod faults;
+mod ipc;
 mod locate;
 mod matcher;
 mod sections;
 mod serial;
 mod store;
+mod supervision;
 mod synthetic;
 #[cfg(test)]
 mod tests;
@@ -24,10 +26,12 @@ pub use check::{BackendConfig, CameraChoice, CamerasConfig, Config};
 pub use error::{ConfigError, Refusal};
 pub use estimator::{AssociationName, EstimatorName};
 pub use faults::{FaultEntry, FaultKind, FaultsSection};
+pub use ipc::{IpcSection, IpcVariant};
 pub use matcher::{MatcherSection, ProviderName};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
 pub use store::{StoreConfig, StoreSection};
+pub use supervision::{ReadyWhen, ServiceSection};
 pub use synthetic::MoveEntry;
 pub use watch::{OnMoved, WatchSection};
 

@@ -9,9 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use super::estimator::{AssociationName, EstimatorName};
 use super::faults::FaultsSection;
+use super::ipc::IpcSection;
 use super::matcher::MatcherSection;
 use super::serial::Serial;
 use super::store::StoreSection;
+use super::supervision::ServiceSection;
 use super::synthetic::MoveEntry;
 use super::watch::WatchSection;
 use crate::capture::synthetic::SyntheticOptions;
@@ -28,6 +30,10 @@ pub struct ConfigFile {
     pub instance: String,
     /// What is logged, and how.
     pub log: LogSection,
+    /// How clients reach the daemon.
+    pub ipc: IpcSection,
+    /// What the service manager is told.
+    pub service: ServiceSection,
     /// Which cameras.
     pub cameras: CamerasSection,
     /// What counts as one moment.
@@ -49,6 +55,8 @@ impl Default for ConfigFile {
         Self {
             instance: InstanceName::default().to_string(),
             log: LogSection::default(),
+            ipc: IpcSection::default(),
+            service: ServiceSection::default(),
             cameras: CamerasSection::default(),
             sync: SyncSection::default(),
             lines: LinesSection::default(),

@@ -6,6 +6,7 @@ use crate::capture::synthetic::{SyntheticFactory, SyntheticOptions};
 use crate::geometry::Camera;
 use crate::ipc::InstanceName;
 use crate::pipeline::{FindTimes, FoundLines, LineFinder};
+use crate::service::config::ReadyWhen;
 
 struct Broken;
 
@@ -34,7 +35,8 @@ fn a_pipeline_that_panics_again_and_again_ends_the_daemon_with_a_word() {
         make_parts: broken_parts,
     };
     let config = crate::service::config::load_or_default(None).expect("the defaults are valid");
-    let mut daemon = Daemon::new(&config, Storing::default());
+    let supervisor = Supervisor::new(ServiceManager::default(), ReadyWhen::Started);
+    let mut daemon = Daemon::new(&config, Storing::default(), (supervisor, None));
     let error = run_rig(&rig, &server, (&mut daemon, &Stop::default())).expect_err("it cannot work");
     let message = error.to_string();
     assert!(message.contains("lines-0") && message.contains(&MAX_RESTARTS.to_string()), "{message}");

@@ -1,0 +1,18 @@
+# pelicald in a container. How to run it, with the flags for cameras and shared memory: docs/installation.md.
+FROM rust:1.92-slim-bookworm AS build
+WORKDIR /build
+COPY . .
+RUN cargo build --release --locked
+
+FROM debian:bookworm-slim
+# The same numbers on the host, where the udev rules give the cameras to this group.
+RUN groupadd --gid 64990 pelical \
+    && useradd --uid 64990 --gid pelical --groups video --home-dir /var/lib/pelical --shell /usr/sbin/nologin pelical \
+    && install -d -o pelical -g pelical -m 0750 /var/lib/pelical /run/pelical
+COPY --from=build /build/target/release/pelicald /build/target/release/pelical /usr/bin/
+COPY config/robot.yaml /etc/pelical/pelicald.yaml
+USER pelical
+VOLUME /var/lib/pelical
+STOPSIGNAL SIGTERM
+ENTRYPOINT ["/usr/bin/pelicald"]
+CMD ["--config", "/etc/pelical/pelicald.yaml"]

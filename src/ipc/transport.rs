@@ -1,0 +1,165 @@
+//! Through what daemon and clients of one machine meet: iceoryx2's shared memory, or files in a folder whose permissions decide
+//! who may connect.
+//!
+//! Both have the same layout and the same speed; the files live in a memory file system such as `/run`. Where nobody says which,
+//! clients look in the places that [`Transport::candidates`] lists.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use iceoryx2::prelude::{Config, SemanticString};
+
+use super::services::Failure;
+
+/// Where the installed service keeps the files of its clients: made by its unit.
+pub const INSTALLED_DIRECTORY: &str = "/run/pelical";
+/// Names the folder for every client that is not told otherwise.
+pub const DIRECTORY_VARIABLE: &str = "PELICAL_IPC_DIRECTORY";
+/// Inside the folder, because its own permissions are those of its maker.
+const ROOT: &str = "ipc";
+/// Longer ones leave no room for the names of sockets, which end at 107 bytes.
+pub const MAX_DIRECTORY_BYTES: usize = 48;
+/// What a daemon and a few clients need, with as much to spare.
+const ROOM_BYTES: u64 = 16 << 20;
+
+/// Through what daemon and clients meet.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Transport {
+    /// iceoryx2's own shared memory (`/dev/shm` and `/tmp/iceoryx2`): open to every process of the machine.
+    #[default]
+    SharedMemory,
+    /// Files and sockets below a folder: open to whoever may enter that folder.
+    Files {
+        /// The folder, absolute.
+        directory: PathBuf,
+    },
+}
+
+impl Transport {
+    /// Files below a folder.
+    pub fn files(directory: impl Into<PathBuf>) -> Self {
+        Self::Files { directory: directory.into() }
+    }
+
+    /// Where a client looks that was told no transport: in the folder of the environment variable `PELICAL_IPC_DIRECTORY`, else in
+    /// that of the installed service if there is one, and then in shared memory.
+    pub fn candidates() -> Vec<Self> {
+        match std::env::var_os(DIRECTORY_VARIABLE) {
+            Some(directory) if !directory.is_empty() => vec![Self::files(directory)],
+            _ if Path::new(INSTALLED_DIRECTORY).is_dir() => {
+                vec![Self::files(INSTALLED_DIRECTORY), Self::SharedMemory]
+            }
+            _ => vec![Self::SharedMemory],
+        }
+    }
+
+    /// Whether the folder of the files can be used at all; shared memory always can.
+    ///
+    /// # Errors
+    /// Says what is allowed instead.
+    pub fn check(&self) -> Result<(), String> {
+        let Self::Files { directory } = self else { return Ok(()) };
+        let bytes = directory.as_os_str().len();
+        if !directory.is_absolute() || bytes > MAX_DIRECTORY_BYTES || directory.to_str().is_none() {
+            let (directory, default) = (directory.display(), INSTALLED_DIRECTORY);
+            return Err(format!(
+                "{directory}: allowed is an absolute path of at most {MAX_DIRECTORY_BYTES} bytes, such as {default}"
+            ));
+        }
+        Ok(())
+    }
+
+    /// iceoryx2's configuration: its defaults, whatever files lie in the working directory, and our root.
+    pub(super) fn config(&self) -> Result<Config, Failure> {
+        let mut config = Config::default();
+        if let Self::Files { directory } = self {
+            self.check().map_err(Failure::Other)?;
+            let root = directory.join(ROOT);
+            let root = iceoryx2::prelude::Path::new(root.as_os_str().as_encoded_bytes());
+            config.global.set_root_path(&root.map_err(|error| Failure::Other(format!("{error:?}")))?);
+        }
+        Ok(config)
+    }
+
+    /// The daemon's side: makes the folders, and sees that there is room. A full memory file system would kill whoever writes to
+    /// it (SIGBUS) instead of telling it.
+    pub(super) fn prepare(&self) -> Result<(), Failure> {
+        let place = match self {
+            Self::SharedMemory => PathBuf::from("/dev/shm"),
+            Self::Files { directory } => {
+                self.check().map_err(Failure::Other)?;
+                let denied = |error: std::io::Error| failure(&error, directory);
+                fs::DirBuilder::new().recursive(true).mode(0o750).create(directory).map_err(denied)?;
+                let root = directory.join(ROOT);
+                if fs::create_dir(&root).is_ok() {
+                    // Whoever may enter the folder above makes files here; the umask has no say in that.
+                    fs::set_permissions(&root, fs::Permissions::from_mode(0o777)).map_err(denied)?;
+                }
+                root
+            }
+        };
+        // Where this cannot be found out, nothing is said.
+        let Ok(found) = rustix::fs::statvfs(&place) else { return Ok(()) };
+        let free = found.f_bavail.saturating_mul(found.f_frsize);
+        if free < ROOM_BYTES { Err(Failure::NoRoom { free, needed: ROOM_BYTES }) } else { Ok(()) }
+    }
+
+    /// The client's side: makes nothing, and tells a missing daemon from a closed door.
+    pub(super) fn look(&self) -> Result<(), Failure> {
+        let Self::Files { directory } = self else {
+            // Looking there would make what iceoryx2 never removes again.
+            let root = Config::default().global.root_path().to_string();
+            return if Path::new(&root).exists() { Ok(()) } else { Err(Failure::Missing) };
+        };
+        self.check().map_err(Failure::Other)?;
+        match fs::read_dir(directory.join(ROOT)) {
+            Ok(_) => Ok(()),
+            Err(error) if error.kind() == ErrorKind::NotFound => Err(Failure::Missing),
+            Err(error) => Err(failure(&error, directory)),
+        }
+    }
+}
+
+fn failure(error: &std::io::Error, directory: &Path) -> Failure {
+    match error.kind() {
+        ErrorKind::PermissionDenied => Failure::Denied,
+        _ => Failure::Other(format!("{}: {error}", directory.display())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_leaves_no_room_for_sockets_or_depends_on_where_one_stands_is_refused() {
+        let long = format!("/{}", "x".repeat(MAX_DIRECTORY_BYTES));
+        for bad in ["relative", "", long.as_str()] {
+            let said = Transport::files(bad).check().expect_err(bad);
+            assert!(said.contains("absolute path"), "{said}");
+        }
+        assert_eq!(Transport::files(INSTALLED_DIRECTORY).check(), Ok(()));
+        assert_eq!(Transport::SharedMemory.check(), Ok(()));
+    }
+
+    #[test]
+    fn a_client_makes_nothing_where_no_daemon_was() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let transport = Transport::files(folder.path());
+        assert_eq!(transport.look(), Err(Failure::Missing));
+        assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 0);
+        transport.prepare().expect("the daemon makes it");
+        assert_eq!(transport.look(), Ok(()));
+    }
+
+    #[test]
+    fn a_daemon_without_room_for_its_folder_is_told_why() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("file");
+        fs::write(&file, "no folder").expect("written");
+        let refused = Transport::files(file.join("x")).prepare();
+        assert!(matches!(&refused, Err(Failure::Other(what)) if what.contains("file")), "{refused:?}");
+    }
+}
