@@ -11,6 +11,8 @@ RUN groupadd --gid 64990 pelical \
     && install -d -o pelical -g pelical -m 0750 /var/lib/pelical /run/pelical
 COPY --from=build /build/target/release/pelicald /build/target/release/pelical /usr/bin/
 COPY config/robot.yaml /etc/pelical/pelicald.yaml
+# As systemd does: where calibrations are kept.
+ENV STATE_DIRECTORY=/var/lib/pelical
 USER pelical
 VOLUME /var/lib/pelical
 STOPSIGNAL SIGTERM

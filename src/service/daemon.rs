@@ -3,29 +3,26 @@
 #[cfg(test)]
 mod tests;
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 
-use super::config::{CameraChoice, Config, OnMoved, RigError};
+use super::config::{Config, OnMoved};
 use super::error::ServiceError;
 use super::logging::LogHandle;
 use super::manager::ServiceManager;
 use super::reload::Reloader;
+use super::rig::{Rig, identities};
 use super::state::{self, Life};
 use super::stop::Stop;
 use super::storing::{self, Storing};
 use super::supervisor::{Standing, Supervisor};
 use super::telling::{HealthTeller, ProgressTeller, log_moved, wall_clock_ns};
-use crate::capture::DeviceFactory;
 use crate::ipc::{
     CalibrationMessage, CameraIdentity, Outcome, Provenance, RefusalCode, Request, RequestKind, Response,
     Server, ServerError, Snapshot,
 };
-use crate::pipeline::{
-    self, Answer, CameraSlot, Command, Counts, Parts, Pipeline, PipelineEvent, PipelineOptions, Solved,
-};
+use crate::pipeline::{self, Answer, Command, Counts, Pipeline, PipelineEvent, Solved};
 use crate::solver::{RigCalibration, State, WatchReport};
 use crate::store::StoredCalibration;
 
@@ -85,53 +82,6 @@ enum End {
     },
 }
 
-/// What the pipeline is started with, and started again after a bug.
-struct Rig {
-    slots: Vec<CameraSlot>,
-    identities: Vec<CameraIdentity>,
-    options: PipelineOptions,
-    /// Lines and estimate; other ones in tests.
-    make_parts: fn(&PipelineOptions) -> Parts,
-}
-
-impl Rig {
-    fn new(config: &Config) -> Result<Self, ServiceError> {
-        let factory: Arc<dyn DeviceFactory> = Arc::from(config.cameras.factory().map_err(RigError::from)?);
-        let cameras = config.cameras.rig(factory.as_ref())?;
-        if let [only] = cameras.as_slice() {
-            return Err(RigError::OneCamera { name: only.name.clone() }.into());
-        }
-        let slot = |camera: &CameraChoice| CameraSlot {
-            factory: Arc::clone(&factory),
-            serial: camera.serial.clone(),
-            name: camera.name.clone(),
-        };
-        Ok(Self {
-            slots: cameras.iter().map(slot).collect(),
-            identities: identities(&cameras),
-            options: config.pipeline.clone(),
-            make_parts: Parts::new,
-        })
-    }
-
-    fn start<'a>(&self, server: &'a Server) -> Result<Live<'a>, ServiceError> {
-        let (sender, events) = bounded(EVENT_QUEUE);
-        let parts = (self.make_parts)(&self.options);
-        let pipeline = Pipeline::start_with(parts, self.slots.clone(), &self.options, sender)?;
-        Ok(Live { pipeline, events, server })
-    }
-}
-
-fn identities(cameras: &[CameraChoice]) -> Vec<CameraIdentity> {
-    let identity = |camera: &CameraChoice| CameraIdentity {
-        name: camera.name.clone(),
-        serial: camera.serial.clone(),
-        // No back end tells it yet.
-        firmware: None,
-    };
-    cameras.iter().map(identity).collect()
-}
-
 /// Runs the daemon until it is asked to stop.
 ///
 /// # Errors
@@ -174,7 +124,8 @@ pub(super) fn run_attached(
 /// Runs pipelines one after the other: a panic in one of its threads ends a pipeline, not the daemon.
 fn run_rig(rig: &Rig, server: &Server, (daemon, stop): (&mut Daemon, &Stop)) -> Result<(), ServiceError> {
     for restarts in 0.. {
-        let live = rig.start(server)?;
+        let (sender, events) = bounded(EVENT_QUEUE);
+        let live = Live { pipeline: rig.start(sender)?, events, server };
         if let Some(served) = &daemon.served {
             live.pipeline.watch(served.clone());
         }

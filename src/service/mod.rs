@@ -6,6 +6,7 @@ mod error;
 pub mod logging;
 mod manager;
 mod reload;
+mod rig;
 mod state;
 mod stop;
 mod storing;

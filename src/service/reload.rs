@@ -137,11 +137,11 @@ mod tests {
 
     #[test]
     fn one_key_that_needs_a_restart_leaves_all_as_it_was() {
-        let after = "log: {level: debug}\nsync: {max_skew_ms: 5}\ncameras:\n  synthetic: {seed: 3}\n  list: [{name: a, serial: \"1\"}]\n";
+        let after = "log: {level: debug}\nsync: {max_skew_ms: 5}\ncameras:\n  synthetic: {seed: 3}\n  list: [{name: a, serial: \"1\"}]\nstore: {keep: 7}\n";
         let (reloader, refused) = reload("{}", after);
         let error = refused.expect_err("a restart is needed");
         let ReloadError::NeedsRestart { keys } = &error else { panic!("{error}") };
-        assert_eq!(keys, &["cameras.synthetic.seed", "cameras.list", "sync.max_skew_ms"]);
+        assert_eq!(keys, &["cameras.synthetic.seed", "cameras.list", "sync.max_skew_ms", "store.keep"]);
         assert!(error.to_string().contains("nothing was changed"), "{error}");
         assert_eq!(reloader.running.log.level, config::LogLevel::Info);
     }

@@ -1,11 +1,13 @@
 //! A pipeline with a bug.
 
+use std::sync::Arc;
+
 use super::*;
 use crate::capture::RgbdFrame;
 use crate::capture::synthetic::{SyntheticFactory, SyntheticOptions};
 use crate::geometry::Camera;
 use crate::ipc::InstanceName;
-use crate::pipeline::{FindTimes, FoundLines, LineFinder};
+use crate::pipeline::{CameraSlot, FindTimes, FoundLines, LineFinder, Parts, PipelineOptions};
 use crate::service::config::ReadyWhen;
 
 struct Broken;

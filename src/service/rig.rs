@@ -1,0 +1,68 @@
+//! The cameras of the daemon and what is done with their frames, as the config says: a pipeline, and the next one after a bug.
+
+use std::sync::Arc;
+
+use crossbeam_channel::Sender;
+
+use super::config::{CameraChoice, Config, RigError};
+use super::error::ServiceError;
+use crate::capture::DeviceFactory;
+use crate::ipc::CameraIdentity;
+use crate::pipeline::{CameraSlot, Parts, Pipeline, PipelineEvent, PipelineOptions};
+
+/// What the pipeline is started with, and started again after a bug.
+pub struct Rig {
+    /// The cameras as the pipeline opens them.
+    pub slots: Vec<CameraSlot>,
+    /// The same cameras as clients know them.
+    pub identities: Vec<CameraIdentity>,
+    /// Everything between frames and results.
+    pub options: PipelineOptions,
+    /// Lines and estimate; other ones in tests.
+    pub make_parts: fn(&PipelineOptions) -> Parts,
+}
+
+impl Rig {
+    /// Opens the back end.
+    ///
+    /// # Errors
+    /// When it does not have the cameras.
+    pub fn new(config: &Config) -> Result<Self, ServiceError> {
+        let factory: Arc<dyn DeviceFactory> = Arc::from(config.cameras.factory().map_err(RigError::from)?);
+        let cameras = config.cameras.rig(factory.as_ref())?;
+        if let [only] = cameras.as_slice() {
+            return Err(RigError::OneCamera { name: only.name.clone() }.into());
+        }
+        let slot = |camera: &CameraChoice| CameraSlot {
+            factory: Arc::clone(&factory),
+            serial: camera.serial.clone(),
+            name: camera.name.clone(),
+        };
+        Ok(Self {
+            slots: cameras.iter().map(slot).collect(),
+            identities: identities(&cameras),
+            options: config.pipeline.clone(),
+            make_parts: Parts::new,
+        })
+    }
+
+    /// Starts a pipeline that tells what happens over `events`.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn start(&self, events: Sender<PipelineEvent>) -> Result<Pipeline, ServiceError> {
+        let parts = (self.make_parts)(&self.options);
+        Ok(Pipeline::start_with(parts, self.slots.clone(), &self.options, events)?)
+    }
+}
+
+/// The cameras of a config as clients know them.
+pub fn identities(cameras: &[CameraChoice]) -> Vec<CameraIdentity> {
+    let identity = |camera: &CameraChoice| CameraIdentity {
+        name: camera.name.clone(),
+        serial: camera.serial.clone(),
+        // No back end tells it yet.
+        firmware: None,
+    };
+    cameras.iter().map(identity).collect()
+}
