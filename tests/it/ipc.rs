@@ -453,7 +453,9 @@ fn clients_of_the_files_leave_nothing_behind_and_nothing_is_in_shared_memory() {
     while files_below(folder.path()).len() > before.len() && Instant::now() < deadline {
         use_once();
     }
-    assert_eq!(files_below(folder.path()).len(), before.len());
+    // Fewer when the daemon had not yet dropped the first client's when they were counted.
+    let after = files_below(folder.path());
+    assert!(after.len() <= before.len(), "{before:?} became {after:?}");
     let mapped = std::fs::read_to_string("/proc/self/maps").expect("readable");
     let place = folder.path().display().to_string();
     assert!(mapped.contains(&place), "the daemon in this process maps files below {place}");
