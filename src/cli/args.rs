@@ -197,8 +197,8 @@ pub struct ExperimentArgs {
 /// `match`.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
-A match is a target line and a source line that are each other's best candidate and twice as likely one edge as two: with a score above ln 2n \
-nats, where n is the larger number of lines of the two images.
+A match is a target line and a source line that are each other's best candidate and likelier one edge than two: with a score above ln n \
+nats, where n is the larger number of lines of the two images, and above 5 nats where descriptors alone are asked.
 
 With ground truth each match is judged by geometry: the lifted line, moved by the true pose, lies on the other segment within 3 px and \
 3 degrees, at its depth within 3 sigma, along 30 % of the shorter of both (a shared edge), or the two lifted lines continue each other.

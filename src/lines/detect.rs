@@ -133,8 +133,4 @@ impl Detector {
 }
 
 #[cfg(test)]
-mod stability_tests;
-#[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod twin;

@@ -77,6 +77,11 @@ pub trait MatchSource: Send {
     /// The scores of each pair of cameras, a missing camera being `None`; incomplete once `keep_going` says no.
     fn score(&mut self, seen: &[Option<SeenLines<'_>>], keep_going: &dyn Fn() -> bool) -> Vec<PairScores>;
 
+    /// The least score, nats, by which this source would call two lines one edge, however few lines there are.
+    fn least_nats(&self) -> f64 {
+        0.0
+    }
+
     /// A sentence for the user about what has to be done without, once.
     fn complaint(&mut self) -> Option<String> {
         None

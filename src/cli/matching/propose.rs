@@ -74,7 +74,9 @@ impl Proposer {
             for source in target + 1..sights.len() {
                 let (n_candidates, matches) = match self {
                     Proposer::Geometric(pairs) => by_pose(pairs, (target, source), sights),
-                    Proposer::Scored(..) => by_score(&scores, (target, source), sights),
+                    Proposer::Scored(_, scorer) => {
+                        by_score((&scores, scorer.least_nats()), (target, source), sights)
+                    }
                 };
                 proposals.push(Proposal { target, source, n_candidates, matches });
             }
@@ -124,12 +126,12 @@ fn by_pose(
 }
 
 fn by_score(
-    scores: &[PairScores],
+    (scores, least_nats): (&[PairScores], f64),
     (target, source): (usize, usize),
     sights: &[Sight<'_>],
 ) -> (usize, Vec<Match>) {
     let of_pair = scores.iter().find(|scores| (scores.target, scores.source) == (target, source));
     let candidates = of_pair.map_or(&[][..], |scores| &scores.matches);
     let n_lines = [target, source].map(|camera| sights[camera].lines.len());
-    (candidates.len(), mutual_best(candidates, n_lines))
+    (candidates.len(), mutual_best((candidates, least_nats), n_lines))
 }

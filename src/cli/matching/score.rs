@@ -19,12 +19,13 @@ pub struct Match {
     pub nats: Option<f64>,
 }
 
-/// The matches among scored candidates: pairs of lines of which each is the other's best and that are twice as likely one edge as two.
+/// The matches among scored candidates: pairs of lines of which each is the other's best and that are likelier one edge than two.
 ///
 /// A line could be any of the n lines of the other image, so that by chance alone the odds are 1 : n at best, and a score has to
-/// make up for that: more than ln 2n nats, n being the larger number of lines. Of equal scores the first in the list is the better.
-pub fn mutual_best(candidates: &[ScoredMatch], n_lines: [usize; 2]) -> Vec<Match> {
-    let least_nats = (2.0 * n_lines[0].max(n_lines[1]).max(1) as f64).ln();
+/// make up for that: more than ln n nats, n being the larger number of lines, and no less than the source of the scores asks for. Of
+/// equal scores the first in the list is the better.
+pub fn mutual_best((candidates, least_nats): (&[ScoredMatch], f64), n_lines: [usize; 2]) -> Vec<Match> {
+    let least_nats = (n_lines[0].max(n_lines[1]).max(1) as f64).ln().max(least_nats);
     let best = |is_rival: &dyn Fn(&ScoredMatch) -> bool| {
         let rivals = candidates.iter().enumerate().filter(|(_, rival)| is_rival(rival));
         rivals.reduce(|best, rival| if rival.1.nats > best.1.nats { rival } else { best }).map(|(at, _)| at)

@@ -2,6 +2,7 @@
 
 use super::{MatchSource, SeenLines, pairs};
 use crate::geometry::PairScores;
+use crate::lines::matching::MATCH_NATS;
 use crate::lines::{LooksOf, score_lines};
 
 /// Compares descriptors.
@@ -17,5 +18,9 @@ impl MatchSource for Descriptors {
             Some(PairScores { target, source, matches: score_lines(a, b) })
         });
         scores.collect()
+    }
+
+    fn least_nats(&self) -> f64 {
+        MATCH_NATS
     }
 }

@@ -15,17 +15,16 @@ fn matched(lines: &[(usize, usize)]) -> Vec<Match> {
 }
 
 #[test]
-fn a_match_is_the_best_of_both_its_lines_and_twice_as_likely_as_not() {
+fn a_match_is_the_best_of_both_its_lines_and_likelier_than_not() {
     let candidates = [
         scored(0, 0, 2.0),
         scored(0, 1, 3.0),
         scored(1, 1, 4.0),
         scored(2, 2, -0.5),
         scored(3, 3, 0.0),
-        scored(4, 5, 0.7),
-        scored(6, 6, 0.6),
+        scored(4, 5, 0.1),
     ];
-    let found = mutual_best(&candidates, [1, 1]);
+    let found = mutual_best((&candidates, 0.0), [1, 1]);
     assert_eq!(lines(&found), [(1, 1), (4, 5)]);
     assert_eq!(found[0].nats, Some(4.0));
 }
@@ -34,17 +33,22 @@ fn a_match_is_the_best_of_both_its_lines_and_twice_as_likely_as_not() {
 fn the_more_lines_there_are_the_more_a_score_must_say() {
     let candidates = [scored(0, 0, 3.0), scored(1, 1, 4.0), scored(2, 2, 5.0)];
     for (n_lines, n_matches) in
-        [([10, 3], 3), ([11, 3], 2), ([3, 27], 2), ([3, 28], 1), ([75, 10], 0), ([0, 0], 3)]
+        [([20, 3], 3), ([21, 3], 2), ([3, 54], 2), ([3, 55], 1), ([149, 10], 0), ([0, 0], 3)]
     {
-        assert_eq!(mutual_best(&candidates, n_lines).len(), n_matches, "{n_lines:?}");
+        assert_eq!(mutual_best((&candidates, 0.0), n_lines).len(), n_matches, "{n_lines:?}");
     }
+    assert_eq!(
+        lines(&mutual_best((&candidates, 3.5), [1, 1])),
+        [(1, 1), (2, 2)],
+        "a source may ask for more"
+    );
 }
 
 #[test]
 fn of_equal_scores_the_first_is_matched_and_no_line_twice() {
     let equal = [scored(0, 0, 2.0), scored(0, 1, 2.0), scored(1, 0, 2.0)];
-    assert_eq!(lines(&mutual_best(&equal, [2, 2])), [(0, 0)]);
-    assert_eq!(mutual_best(&[], [5, 5]), []);
+    assert_eq!(lines(&mutual_best((&equal, 0.0), [2, 2])), [(0, 0)]);
+    assert_eq!(mutual_best((&[], 0.0), [5, 5]), []);
 }
 
 #[test]

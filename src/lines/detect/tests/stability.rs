@@ -3,7 +3,6 @@ use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageFormat};
 
-use super::tests::{Edge, Random, detect, render};
 use super::*;
 use crate::geometry::PixelPoint;
 use crate::image::gray_from_rgb;

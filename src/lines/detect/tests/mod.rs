@@ -1,4 +1,7 @@
 //! Rendered edges with known positions.
+mod stability;
+mod twin;
+
 use super::*;
 use crate::geometry::PixelPoint;
 

@@ -1,11 +1,11 @@
 //! The scalar twins of the vectorised loops: one pixel at a time, written plainly. What they give is the same to the last bit, and all
 //! else in the detector is common to both, so the segments are the same.
-use super::gradient::{BORDER_PX, COUNTS_PER_LEVEL, Gradient};
-use super::samples::{LANES, Scan};
-use super::tests::{Random, render};
-use super::track::Track;
+use super::{Random, render};
 use crate::geometry::PixelPoint;
 use crate::image::GrayView;
+use crate::lines::detect::gradient::{BORDER_PX, COUNTS_PER_LEVEL, Gradient};
+use crate::lines::detect::samples::{LANES, Scan};
+use crate::lines::detect::track::Track;
 
 const SIZE: (usize, usize) = (83, 61);
 
