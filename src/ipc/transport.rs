@@ -21,8 +21,9 @@ pub const DIRECTORY_VARIABLE: &str = "PELICAL_IPC_DIRECTORY";
 const ROOT: &str = "ipc";
 /// Longer ones leave no room for the names of sockets, which end at 107 bytes.
 pub const MAX_DIRECTORY_BYTES: usize = 48;
-/// What a daemon and a few clients need, with as much to spare.
-const ROOM_BYTES: u64 = 16 << 20;
+/// What a daemon and a few clients need once every place for a message has been used (26 MB, half of it for answers with older
+/// calibrations; 1 MB before), with some to spare.
+const ROOM_BYTES: u64 = 32 << 20;
 
 /// Through what daemon and clients meet.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
