@@ -251,9 +251,11 @@ fn settled_poses(scene: Scene<'_>, (prior, limits): (&Prior, &RankLimits<'_>)) -
 }
 
 /// How far apart two poses are at most to count as one.
-struct PoseGap {
-    rotation_rad: f64,
-    translation_m: f64,
+pub struct PoseGap {
+    /// Between the rotations, rad.
+    pub rotation_rad: f64,
+    /// Between the translations, m.
+    pub translation_m: f64,
 }
 
 /// What a user may take for the same calibration: 0.5 degrees and 15 mm.
@@ -261,7 +263,8 @@ const SAME_ANSWER: PoseGap = PoseGap { rotation_rad: 0.0087, translation_m: 0.01
 /// Poses that share most matches, shifted by a few (4 degrees and 15 cm).
 const SAME_BASIN: PoseGap = PoseGap { rotation_rad: 0.07, translation_m: 0.15 };
 impl PoseGap {
-    fn is_exceeded(&self, a: &Motion, b: &Motion) -> bool {
+    /// Whether two poses are further apart, in rotation or in translation.
+    pub fn is_exceeded(&self, a: &Motion, b: &Motion) -> bool {
         rotation_gap_rad(a, b) > self.rotation_rad || translation_gap_m(a, b) > self.translation_m
     }
 }

@@ -9,7 +9,7 @@ use crate::geometry::motion::{Motion, d_inverse_step_d_step};
 use crate::solver::association::{Gate, Match, Scene};
 use crate::solver::candidates::PairEvidence;
 use crate::solver::consensus::{
-    Hypothesis, MAX_VOTING_SIGMA_RAD, RankLimits, Ranked, Ranking, rank_poses, settle,
+    Hypothesis, MAX_VOTING_SIGMA_RAD, PoseGap, RankLimits, Ranked, Ranking, rank_poses, settle,
 };
 use crate::solver::evidence::{Evidence, EvidenceSet};
 use crate::solver::joint::d_pair_step_d_steps;
@@ -34,6 +34,9 @@ const MIN_USUAL_SHARE: f64 = 0.3;
 const SAME_PLACE: f64 = 2.0;
 /// ... with so many standard deviations of it: one in forty by chance.
 const SAME_PLACE_SIGMAS: f64 = 2.0;
+/// A pose settled from the frozen one stands near it within twice the widest gate of settling; what strayed further is a coincidence of
+/// lines that a search has to confirm (2 degrees and 6 cm).
+const NEAR: PoseGap = PoseGap { rotation_rad: 0.035, translation_m: 0.06 };
 /// Looks that show this, not contradicted in between, vouch for a pair.
 const VOUCH_AFTER: u32 = 3;
 /// Fewer lines than this in a view say nothing.
@@ -216,7 +219,8 @@ impl PairWatch {
         let n_views = bench.evidence.sets.iter().filter(|set| sees(set)).count();
         let candidates = pair.candidates(MAX_VOTING_SIGMA_RAD);
         let scene = Scene { pair, candidates: &candidates };
-        let near = settle(scene, &self.frozen);
+        let near = settle(scene, &self.frozen)
+            .filter(|near| !NEAR.is_exceeded(&near.refined.target_from_source, &self.frozen));
         let noise_scale = near.as_ref().map_or(1.0, |near| near.noise_scale);
         let support = self.support(&scene, noise_scale);
         let score: f64 = support.iter().map(|found| found.gain).sum();
