@@ -34,9 +34,9 @@ const MIN_USUAL_SHARE: f64 = 0.3;
 const SAME_PLACE: f64 = 2.0;
 /// ... with so many standard deviations of it: one in forty by chance.
 const SAME_PLACE_SIGMAS: f64 = 2.0;
-/// A pose settled from the frozen one stands near it within twice the widest gate of settling; what strayed further is a coincidence of
-/// lines that a search has to confirm (2 degrees and 6 cm).
-const NEAR: PoseGap = PoseGap { rotation_rad: 0.035, translation_m: 0.06 };
+/// A pose settled from the frozen one shares most matches with it within this; what strayed further is a coincidence of lines that a
+/// search has to confirm (4 degrees and 10 cm).
+const NEAR: PoseGap = PoseGap { rotation_rad: 0.07, translation_m: 0.1 };
 /// Looks that show this, not contradicted in between, vouch for a pair.
 const VOUCH_AFTER: u32 = 3;
 /// Fewer lines than this in a view say nothing.
