@@ -4,8 +4,7 @@
 use super::model::{Answer, Model};
 use super::samples::Samples;
 use super::scores::Scores;
-use super::{ImageFeatures, LearnedError};
-use crate::geometry::Segment;
+use super::{LearnedError, Sampled};
 
 /// The assigned share of the shorter line's points, for every pair of lines.
 ///
@@ -13,16 +12,14 @@ use crate::geometry::Segment;
 /// When the model fails.
 pub(super) fn score(
     glue: &mut Model,
-    target: (&ImageFeatures, &[Segment]),
-    source: (&ImageFeatures, &[Segment]),
+    target: &Sampled<'_>,
+    source: &Sampled<'_>,
 ) -> Result<Scores, LearnedError> {
-    let (in_target, in_source) = (Samples::along(target.1), Samples::along(source.1));
-    if in_target.points.is_empty() || in_source.points.is_empty() {
-        return Ok(Scores::none());
-    }
+    let (in_target, in_source) = (&target.samples, &source.samples);
     let (n_target, n_source) = (in_target.points.len(), in_source.points.len());
     let mut inputs = Vec::new();
-    for (suffix, features, samples) in [("0", target.0, &in_target), ("1", source.0, &in_source)] {
+    for (suffix, features, samples) in [("0", target.features, in_target), ("1", source.features, in_source)]
+    {
         let map = features.map(glue)?;
         let n = samples.points.len();
         let points = glue.tensor(&[1, n, 2], normalised(samples, features.size_px, glue.facts.kpt_scale))?;
@@ -31,7 +28,7 @@ pub(super) fn score(
         inputs.push((format!("desc{suffix}").into(), descriptors));
     }
     let assignment = glue.run(inputs, |shape| *shape == [1, n_target, n_source])?;
-    Ok(pooled(&assignment, &in_target, &in_source))
+    Ok(pooled(&assignment, in_target, in_source))
 }
 
 /// Places relative to the centre of the image, in units of half its longer side.

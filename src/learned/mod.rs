@@ -30,6 +30,7 @@ use dense::DescriptorMap;
 pub use error::LearnedError;
 use model::Model;
 use picture::Picture;
+use samples::Samples;
 use scores::Scores;
 
 /// What a learned matcher is made of.
@@ -111,6 +112,24 @@ impl ImageFeatures {
     }
 }
 
+/// One image of a pair: what the network saw in it, its lines, and the points along those that are compared.
+struct Sampled<'a> {
+    features: &'a ImageFeatures,
+    segments: &'a [Segment],
+    samples: Samples,
+}
+
+impl<'a> Sampled<'a> {
+    fn new((features, segments): (&'a ImageFeatures, &'a [Segment])) -> Self {
+        Self { features, segments, samples: Samples::along(segments) }
+    }
+
+    /// Indices of the lines that are compared.
+    fn lines(&self) -> &[usize] {
+        &self.samples.lines
+    }
+}
+
 const FOREIGN: &str = "these image features were made by another matcher";
 
 /// Compares lines of two images by learned appearance.
@@ -183,11 +202,15 @@ impl LearnedMatcher {
         target: (&ImageFeatures, &[Segment]),
         source: (&ImageFeatures, &[Segment]),
     ) -> Result<Scores, LearnedError> {
+        let (target, source) = (Sampled::new(target), Sampled::new(source));
+        if target.lines().is_empty() || source.lines().is_empty() {
+            return Ok(Scores::none());
+        }
         match &mut self.method {
-            Method::WholePair(model) => whole_pair::score(model, target, source),
-            Method::Sequence(dense) => sequence::score(dense, target, source),
-            Method::Glue { glue, .. } => glue::score(glue, target, source),
-            Method::Wireframe { wireframe, .. } => wireframe::score(wireframe, target, source),
+            Method::WholePair(model) => whole_pair::score(model, &target, &source),
+            Method::Sequence(dense) => sequence::score(dense, &target, &source),
+            Method::Glue { glue, .. } => glue::score(glue, &target, &source),
+            Method::Wireframe { wireframe, .. } => wireframe::score(wireframe, &target, &source),
         }
     }
 }

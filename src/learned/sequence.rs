@@ -2,10 +2,8 @@
 //! Wunsch, as SOLD2 does it, arXiv 2104.03362), in both directions, since the brighter side may differ between two views.
 
 use super::model::Model;
-use super::samples::Samples;
 use super::scores::Scores;
-use super::{FOREIGN, ImageFeatures, LearnedError};
-use crate::geometry::Segment;
+use super::{FOREIGN, LearnedError, Sampled};
 
 /// Likeness of two points below which it costs more to align them than to skip one.
 const GAP: f32 = 0.1;
@@ -16,11 +14,11 @@ const GAP: f32 = 0.1;
 /// When the features are of another matcher.
 pub(super) fn score(
     dense: &Model,
-    target: (&ImageFeatures, &[Segment]),
-    source: (&ImageFeatures, &[Segment]),
+    target: &Sampled<'_>,
+    source: &Sampled<'_>,
 ) -> Result<Scores, LearnedError> {
-    let (in_target, in_source) = (Samples::along(target.1), Samples::along(source.1));
-    let (map, source_map) = (target.0.map(dense)?, source.0.map(dense)?);
+    let (in_target, in_source) = (&target.samples, &source.samples);
+    let (map, source_map) = (target.features.map(dense)?, source.features.map(dense)?);
     if map.len != source_map.len {
         return Err(dense.failure(FOREIGN.to_owned()));
     }

@@ -1,9 +1,8 @@
 //! Models that take two images with their segments and answer with scores of pairs of lines.
 
 use super::model::{Inputs, Model};
-use super::samples::Samples;
 use super::scores::Scores;
-use super::{ImageFeatures, LearnedError};
+use super::{LearnedError, Sampled};
 use crate::geometry::Segment;
 
 /// The model's own scores.
@@ -12,16 +11,13 @@ use crate::geometry::Segment;
 /// When the model fails.
 pub(super) fn score(
     model: &mut Model,
-    target: (&ImageFeatures, &[Segment]),
-    source: (&ImageFeatures, &[Segment]),
+    target: &Sampled<'_>,
+    source: &Sampled<'_>,
 ) -> Result<Scores, LearnedError> {
-    let (rows, cols) = (Samples::along(target.1).lines, Samples::along(source.1).lines);
-    if rows.is_empty() || cols.is_empty() {
-        return Ok(Scores::none());
-    }
     let mut inputs = Inputs::new();
-    for (suffix, (features, segments), lines) in [("0", target, &rows), ("1", source, &cols)] {
-        let picture = features.picture(model)?;
+    for (suffix, side) in [("0", target), ("1", source)] {
+        let (segments, lines) = (side.segments, side.lines());
+        let picture = side.features.picture(model)?;
         let image = model.tensor(&picture.shape(), picture.values.clone())?;
         let ends = lines.iter().flat_map(|&line| {
             let Segment { start, end, .. } = segments[line];
@@ -31,6 +27,7 @@ pub(super) fn score(
         inputs.push((format!("image{suffix}").into(), image));
         inputs.push((format!("lines{suffix}").into(), ends));
     }
+    let (rows, cols) = (target.lines().to_vec(), source.lines().to_vec());
     let answer = model.run(inputs, |shape| *shape == [1, rows.len(), cols.len()])?;
     Ok(Scores { target: rows, source: cols, values: answer.values })
 }

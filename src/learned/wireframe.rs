@@ -4,9 +4,8 @@
 
 use super::dense::DescriptorMap;
 use super::model::{Inputs, Model};
-use super::samples::Samples;
 use super::scores::Scores;
-use super::{ImageFeatures, LearnedError};
+use super::{ImageFeatures, LearnedError, Sampled};
 use crate::geometry::{PixelPoint, Segment};
 
 /// Ends closer than this are one junction, px.
@@ -31,21 +30,18 @@ struct Wireframe {
 /// When the model fails.
 pub(super) fn score(
     model: &mut Model,
-    target: (&ImageFeatures, &[Segment]),
-    source: (&ImageFeatures, &[Segment]),
+    target: &Sampled<'_>,
+    source: &Sampled<'_>,
 ) -> Result<Scores, LearnedError> {
-    let (rows, cols) = (Samples::along(target.1).lines, Samples::along(source.1).lines);
-    if rows.is_empty() || cols.is_empty() {
-        return Ok(Scores::none());
-    }
     let mut inputs = Inputs::new();
-    for (suffix, (features, segments), lines) in [("0", target, &rows), ("1", source, &cols)] {
-        let chosen: Vec<Segment> = lines.iter().map(|&line| segments[line]).collect();
+    for (suffix, side) in [("0", target), ("1", source)] {
+        let chosen: Vec<Segment> = side.lines().iter().map(|&line| side.segments[line]).collect();
         let wireframe = Wireframe::of(&chosen);
-        for (name, input) in wireframe.inputs(model, features)? {
+        for (name, input) in wireframe.inputs(model, side.features)? {
             inputs.push((format!("{name}{suffix}").into(), input));
         }
     }
+    let (rows, cols) = (target.lines().to_vec(), source.lines().to_vec());
     let (n_rows, n_cols) = (rows.len(), cols.len());
     let answer = model.run(inputs, |shape| *shape == [1, n_rows + 1, n_cols + 1])?;
     Ok(Scores::new(rows, cols, |row, col| answer.values[row * (n_cols + 1) + col].exp()))

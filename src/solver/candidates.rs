@@ -1,7 +1,7 @@
 //! Candidate matches of a pair of cameras: every lifted source line with every lifted target line of the same frame set.
 //!
-//! All of them, whatever they look like: appearance only says which are likelier. Parallel bundles would vote n × m times for what is one direction, so each candidate carries a
-//! weight that makes a bundle of n by m lines count like min(n, m) matches.
+//! All of them, whatever they look like: appearance only says which are likelier. Parallel bundles would vote n × m times for what is
+//! one direction, so each candidate carries a weight that makes a bundle of n by m lines count like min(n, m) matches.
 
 use nalgebra::Vector3;
 
