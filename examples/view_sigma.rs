@@ -17,6 +17,8 @@ use pelical::lines::{DetectOptions, Detector, LiftOptions, Lifter};
 
 /// Lines farther apart than this, px, are of different edges.
 const SAME_EDGE_PX: f64 = 2.0;
+/// Offsets less sure than this, px, say nothing of a fraction of a pixel, and the limit above would cut them.
+const SURE_PX: f64 = 0.4;
 /// The same for inverse depths, in standard deviations.
 const SAME_DEPTH_SIGMAS: f64 = 3.0;
 
@@ -161,7 +163,7 @@ fn compare(
     let across = |line: &LineObservation| (line.segment.sigma_across_px / focal_px).powi(2);
     let from_across: Matrix4<f64> = d_across * d_across.transpose();
     let covariance = from_depth + from_across * across(source);
-    // The depths have to agree, and the segments to overlap.
+    // The depths have to agree.
     let gap = Vector2::from(of_target.inverse_depth_per_m) - Vector2::new(values[2], values[3]);
     let depths: Matrix2<f64> = covariance.fixed_view::<2, 2>(2, 2) + of_target.covariance_per_m2;
     if gap.dot(&(depths.try_inverse()? * gap)) > SAME_DEPTH_SIGMAS * SAME_DEPTH_SIGMAS {
@@ -175,12 +177,13 @@ fn compare(
     };
     let (from, to) = (share(a), share(b));
     // Also refuses lines that run the other way: the brighter side is on the same hand.
-    if to <= from || to.min(1.0) - from.max(0.0) < 0.6 {
+    if to <= from {
         return None;
     }
-    Some([0, 1].map(|i| Offset {
+    let offsets = [0, 1].map(|i| Offset {
         offset_px: values[i] * focal_px,
         variance_px2: (covariance[(i, i)] + across(target)) * focal_px * focal_px,
         per_view: 1.0 + from_across[(i, i)],
-    }))
+    });
+    offsets.iter().all(|offset| offset.variance_px2 < SURE_PX * SURE_PX).then_some(offsets)
 }

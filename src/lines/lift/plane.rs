@@ -4,6 +4,8 @@ use super::band::{Reading, ZONES};
 
 /// Hypotheses tried per side.
 const HYPOTHESES: usize = 40;
+/// Share of the highest possible score that ends the search: nearly every cell agrees, and least squares does the rest.
+const GOOD_SCORE: f64 = 0.8;
 /// Trust in a cell by zone: near the edge the surface is that of the edge, far away it may be another.
 const ZONE_WEIGHT: [f64; ZONES] = [1.0, 1.0, 0.8, 0.6];
 /// Steepest surface beside an edge, 1/m per px: a plane seen edge-on at 0.2 m by a lens of 500 px has 0.01.
@@ -61,6 +63,7 @@ impl Plane {
 /// The plane that most cells of one side agree with, within `tolerance_per_m`; `None` with too few cells.
 pub fn consensus(cells: &[Reading], tolerance_per_m: f64) -> Option<Plane> {
     let mut best: Option<(f64, Plane)> = None;
+    let enough = GOOD_SCORE * cells.iter().map(|cell| ZONE_WEIGHT[cell.zone()]).sum::<f64>();
     let mut random = 0x9E37_79B9_7F4A_7C15_u64;
     for _ in 0..HYPOTHESES {
         let mut pick = || {
@@ -72,6 +75,9 @@ pub fn consensus(cells: &[Reading], tolerance_per_m: f64) -> Option<Plane> {
         let score = score(&plane, cells, tolerance_per_m);
         if best.is_none_or(|(best, _)| score > best) {
             best = Some((score, plane));
+            if score >= enough {
+                break;
+            }
         }
     }
     best.map(|(_, plane)| plane)
