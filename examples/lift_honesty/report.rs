@@ -6,8 +6,8 @@ use crate::truth::LineTruth;
 
 /// A median of absolute values times this is the deviation of normal errors.
 const DEVIATION_PER_MEDIAN: f64 = 1.4826;
-/// An error of more standard deviations (of both ends together) is gross: 4 in a million where the covariance is honest.
-const GROSS_SIGMAS: f64 = 5.0;
+/// An error of more standard deviations (of both ends together) is gross: 1 in 3000 where the covariance is honest.
+const GROSS_SIGMAS: f64 = 4.0;
 
 /// A segment, what lifting made of it, and what is true.
 pub struct Judged {
