@@ -7,6 +7,7 @@
 
 mod culprit;
 mod pair;
+mod shift;
 
 use super::evidence::{Evidence, EvidenceLimits};
 use super::result::{RigCalibration, State};

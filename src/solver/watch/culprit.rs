@@ -1,6 +1,7 @@
 //! Which camera was moved: the one whose move alone explains how all pairs stand now.
 
-use super::pair::{PairWatch, Shift, Sight};
+use super::pair::{PairWatch, Sight};
+use super::shift::Shift;
 use super::{Moved, Who};
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 

@@ -1,9 +1,10 @@
 //! One pair under watch: the frozen pose against the best pose near it, and against any pose when the frozen one has lost its
 //! support.
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::Matrix6;
 
 use super::WatchLimits;
+use super::shift::{Shift, mean_variances};
 use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, d_inverse_step_d_step};
 use crate::solver::association::{Gate, Match, Scene};
@@ -18,10 +19,6 @@ use crate::solver::rig::EstimateOptions;
 use crate::solver::verdict::{self, VerdictLimits, judge};
 use crate::solver::{CameraPose, State};
 
-/// Least squared Mahalanobis distance of a move (six degrees of freedom: by chance once in a million looks).
-const MIN_DISTANCE2: f64 = 38.0;
-/// A move exceeds the least one by so many standard deviations.
-const SIGMAS: f64 = 3.0;
 /// Another pose must explain the lines better than the frozen one by this much, nats, ...
 const MIN_LEAD_NATS: f64 = 20.0;
 /// ... and by this share: where many lines agree anyhow, a few odd ones prove nothing.
@@ -30,13 +27,11 @@ const MIN_LEAD_SHARE: f64 = 0.05;
 const MIN_CONFIRMING: usize = 6;
 /// ... and their least share of those that the calibration had per frame set: chance does not give as many.
 const MIN_USUAL_SHARE: f64 = 0.3;
-/// A pair that stands within so many times the least move that counts, uncertainty included, stands where it stood ...
-const SAME_PLACE: f64 = 2.0;
-/// ... with so many standard deviations of it: one in forty by chance.
-const SAME_PLACE_SIGMAS: f64 = 2.0;
 /// A pose settled from the frozen one shares most matches with it within this; what strayed further is a coincidence of lines that a
 /// search has to confirm (4 degrees and 10 cm).
 const NEAR: PoseGap = PoseGap { rotation_rad: 0.07, translation_m: 0.1 };
+/// A suspected pose that moves more than this from one look to the next was none (0.5 degrees and 15 mm).
+const SAME_SUSPECT: PoseGap = PoseGap { rotation_rad: 0.0087, translation_m: 0.015 };
 /// Looks that show this, not contradicted in between, vouch for a pair.
 const VOUCH_AFTER: u32 = 3;
 /// Fewer lines than this in a view say nothing.
@@ -69,72 +64,12 @@ pub(super) enum Sight {
     Moved(Shift),
 }
 
-/// How a pair stands now, against how it stood.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Shift {
-    /// As it stands now.
-    pub(super) target_from_source: Motion,
-    /// From the frozen pose to this one: x y z rx ry rz, m and rad.
-    step: Vector6<f64>,
-    /// Covariance of the step: that of both poses.
-    covariance: Matrix6<f64>,
-}
-
-/// A length and its standard deviation.
-pub(super) type Amount = (f64, f64);
-
-impl Shift {
-    fn between(frozen: (&Motion, &Matrix6<f64>), now: (&Motion, &Matrix6<f64>)) -> Self {
-        let translation = now.0.translation.vector - frozen.0.translation.vector;
-        let rotation = (now.0.rotation * frozen.0.rotation.inverse()).scaled_axis();
-        let step = Vector6::from_iterator(translation.iter().chain(rotation.iter()).copied());
-        Self { target_from_source: *now.0, step, covariance: frozen.1 + now.1 }
-    }
-
-    /// Shift (m) and turn (rad).
-    pub(super) fn amounts(&self) -> (Amount, Amount) {
-        (self.amount(0), self.amount(3))
-    }
-
-    /// Variance of the shift (m²) and of the turn (rad²), mean of the three axes.
-    pub(super) fn mean_variances(&self) -> (f64, f64) {
-        mean_variances(&self.covariance)
-    }
-
-    /// Length of three components from `first`, and its standard deviation along their direction.
-    fn amount(&self, first: usize) -> Amount {
-        let part = self.step.fixed_rows::<3>(first).into_owned();
-        let covariance = self.covariance.fixed_view::<3, 3>(first, first).into_owned();
-        let length = part.norm();
-        let variance = match part.try_normalize(0.0) {
-            Some(along) => along.dot(&(covariance * along)),
-            None => covariance.diagonal().max(),
-        };
-        (length, variance.max(0.0).sqrt())
-    }
-
-    /// Whether the pair is shown to stand where it stood: not only that no move is seen, but that there is none of any size that
-    /// counts.
-    fn is_same_place(&self, limits: &WatchLimits) -> bool {
-        let ((shift_m, sigma_m), (turn_rad, sigma_rad)) = self.amounts();
-        shift_m + SAME_PLACE_SIGMAS * sigma_m <= SAME_PLACE * limits.min_translation_m
-            && turn_rad + SAME_PLACE_SIGMAS * sigma_rad <= SAME_PLACE * limits.min_rotation_rad
-    }
-
-    /// Whether this is more than noise and more than nobody minds, or at least that share of both.
-    fn is_beyond(&self, limits: &WatchLimits, share: f64) -> bool {
-        let Some(cholesky) = self.covariance.cholesky() else { return false };
-        let ((shift_m, sigma_m), (turn_rad, sigma_rad)) = self.amounts();
-        self.step.dot(&cholesky.solve(&self.step)) > share * MIN_DISTANCE2
-            && (shift_m > share * (limits.min_translation_m + SIGMAS * sigma_m)
-                || turn_rad > share * (limits.min_rotation_rad + SIGMAS * sigma_rad))
-    }
-}
-
 /// How the frozen pose stands, and what another one must show to be taken instead.
 struct Rival {
     /// What the frozen pose scores.
     score: f64,
+    /// The part of it that is of the newest view.
+    newest: f64,
     /// Views in which both cameras see lines.
     n_views: usize,
     /// Least number of matches of the other one.
@@ -223,32 +158,31 @@ impl PairWatch {
             .filter(|near| !NEAR.is_exceeded(&near.refined.target_from_source, &self.frozen));
         let noise_scale = near.as_ref().map_or(1.0, |near| near.noise_scale);
         let support = self.support(&scene, noise_scale);
-        let score: f64 = support.iter().map(|found| found.gain).sum();
-        let least = bench.options.verdict.min_matches;
-        if let Some(shift) = self.still_suspect(scene, score, bench) {
+        let usual = near.filter(|near| self.is_usual(near.matches.len(), n_views));
+        let rival = Rival {
+            score: support.iter().map(|found| found.gain).sum(),
+            newest: in_newest(&scene, &support).1,
+            n_views,
+            min_matches: self.min_matches(usual.is_some(), bench),
+        };
+        if let Some(shift) = self.still_suspect(scene, &rival, bench) {
             return Sight::Moved(shift);
         }
-        let found = match near {
-            // Many lines agree that the pair stands near where it stood: no search.
-            Some(near) if self.is_usual(near.matches.len(), n_views) => {
-                let shift = self.shift_to(&near);
-                let is_supported = self.is_usual(support.len(), n_views);
-                match shift.filter(|shift| is_supported && !self.is_move(shift, bench)) {
-                    Some(shift) => {
-                        self.confirmed_matches = Some(support.len());
-                        return Sight::Confirmed(shift);
-                    }
-                    None => {
-                        let before = self.confirmed_matches.unwrap_or(least);
-                        let min_matches = before.max(MIN_CONFIRMING).min(least);
-                        self.trusted((scene, &alone(near)), &Rival { score, n_views, min_matches }, bench)
-                    }
-                }
+        let is_supported = self.is_usual(support.len(), n_views);
+        let shift = usual.as_ref().filter(|_| is_supported).and_then(|near| self.shift_to(near));
+        if let Some(shift) = shift.filter(|shift| !self.is_move(shift, bench)) {
+            self.confirmed_matches = Some(support.len());
+            return Sight::Confirmed(shift);
+        }
+        let found = match usual {
+            // Many lines of several views agree that the pair stands near where it stood: no search.
+            Some(near) if n_views >= bench.options.verdict.min_views => {
+                self.trusted((scene, &alone(near)), &rival, bench)
             }
             _ if self.wait > 0 => None,
             _ => {
                 self.wait = SETS_BETWEEN_SEARCHES;
-                self.search(pair, &Rival { score, n_views, min_matches: least }, bench)
+                self.search(pair, &rival, bench)
             }
         };
         self.suspect = found.as_ref().map(|shift| shift.target_from_source);
@@ -259,6 +193,13 @@ impl PairWatch {
     fn is_usual(&self, n_matches: usize, n_views: usize) -> bool {
         n_matches >= MIN_CONFIRMING
             && n_matches as f64 >= MIN_USUAL_SHARE * self.usual_matches * n_views as f64
+    }
+
+    /// Least number of matches of another pose: of one nearby, as many as confirmed the frozen one when it was confirmed last.
+    fn min_matches(&self, is_nearby: bool, bench: &Bench<'_>) -> usize {
+        let least = bench.options.verdict.min_matches;
+        let before = self.confirmed_matches.filter(|_| is_nearby).unwrap_or(least);
+        before.max(MIN_CONFIRMING).min(least)
     }
 
     /// What the frozen pose explains, as far as it is known.
@@ -279,12 +220,16 @@ impl PairWatch {
         shift.is_beyond(bench.limits, if self.is_accused { KEPT_SHARE } else { 1.0 })
     }
 
-    /// The move to the pose that was suspected before, as long as it explains the lines better than the frozen one.
-    fn still_suspect(&mut self, scene: Scene<'_>, score: f64, bench: &Bench<'_>) -> Option<Shift> {
-        let now = settle(scene, &self.suspect?).filter(|now| leads(now, score));
-        let shift = now.and_then(|now| self.shift_to(&now)).filter(|shift| self.is_move(shift, bench));
-        self.suspect = shift.as_ref().map(|shift| shift.target_from_source);
-        shift
+    /// The move to the pose that was suspected before, as long as that stays what it was and is still to be trusted.
+    fn still_suspect(&mut self, scene: Scene<'_>, frozen: &Rival, bench: &Bench<'_>) -> Option<Shift> {
+        let suspect = self.suspect.take()?;
+        let now = settle(scene, &suspect)?;
+        if SAME_SUSPECT.is_exceeded(&now.refined.target_from_source, &suspect) {
+            return None;
+        }
+        let shift = self.trusted((scene, &alone(now)), frozen, bench)?;
+        self.suspect = Some(shift.target_from_source);
+        Some(shift)
     }
 
     /// Ranks all poses; the move to the best when that is to be trusted.
@@ -300,7 +245,8 @@ impl PairWatch {
         self.trusted((scene, &ranking), frozen, bench)
     }
 
-    /// The move to the best pose of a ranking when that passes the tests of a verdict and leads before the frozen pose's score.
+    /// The move to the best pose of a ranking when that passes the tests of a verdict, leads before the frozen pose's score, and is
+    /// what the newest view shows: older ones may be of before the move.
     fn trusted(
         &self,
         (scene, ranking): (Scene<'_>, &Ranking),
@@ -319,7 +265,10 @@ impl PairWatch {
         };
         let (state, _) = judge(&verdict::Bench { scene, ranking, limits });
         let shift = self.shift_to(&ranking.best)?;
-        let is_trusted = state == State::Converged && leads(&ranking.best, frozen.score);
+        let (n_newest, newest) = in_newest(&scene, &ranking.best.matches);
+        let is_seen_now =
+            n_newest as f64 >= (MIN_USUAL_SHARE * self.usual_matches).max(1.0) && newest > frozen.newest;
+        let is_trusted = state == State::Converged && is_seen_now && leads(&ranking.best, frozen.score);
         (is_trusted && self.is_move(&shift, bench)).then_some(shift)
     }
 
@@ -344,15 +293,16 @@ fn alone(best: Hypothesis) -> Ranking {
     }
 }
 
+/// How many of these matches are of the newest view, and what they gain, nats.
+fn in_newest(scene: &Scene<'_>, matches: &[Match]) -> (usize, f64) {
+    let newest = scene.pair.evidence.sets.len().saturating_sub(1);
+    let of_newest = matches.iter().filter(|found| scene.candidates[found.candidate].set as usize == newest);
+    of_newest.fold((0, 0.0), |(n, gain), found| (n + 1, gain + found.gain))
+}
+
 /// Whether a pose explains the lines clearly better than another one with the given score.
 fn leads(best: &Hypothesis, score: f64) -> bool {
     best.score - score > MIN_LEAD_NATS.max(MIN_LEAD_SHARE * best.score)
-}
-
-/// Variance of the translation (m²) and of the rotation (rad²), mean of the three axes.
-fn mean_variances(covariance: &Matrix6<f64>) -> (f64, f64) {
-    let mean = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().max(0.0) / 3.0;
-    (mean(0), mean(3))
 }
 
 fn n_lines(set: &EvidenceSet, camera: usize) -> usize {
