@@ -265,7 +265,7 @@ impl Run {
         let sentence = if refused.gyro + refused.image > 0 {
             let deg_per_s = self.options.motion.max_turn_rad_per_s.to_degrees();
             format!(
-                "all {seen} frame sets were refused, most of them while the rig turned faster than {deg_per_s} deg/s: turn it slowly"
+                "all {seen} frame sets were refused, most of them while the rig turned faster than {deg_per_s:.1} deg/s: turn it slowly"
             )
         } else {
             let skew_ms = ms(self.options.sync.max_skew);

@@ -49,7 +49,7 @@ fn a_recording_of_fast_turns_alone_says_so() {
     let document = calibrate(&env, "max_turn_deg_per_s: 30", fixture.path());
     assert_eq!(document["frame_sets"]["used"], 0);
     let sentence = document["reason"]["sentence"].as_str().unwrap();
-    assert!(sentence.contains("turned faster than 30 deg/s") && sentence.contains("slowly"), "{sentence}");
+    assert!(sentence.contains("turned faster than 30.0 deg/s") && sentence.contains("slowly"), "{sentence}");
 }
 
 #[test]

@@ -139,11 +139,14 @@ fn speed(camera: &UsbCamera) -> Finding {
 fn permissions(system: &System, camera: &UsbCamera, user: &User) -> Finding {
     const CHECK: &str = "permissions";
     let label = camera.label();
-    let blocked = camera.nodes.iter().filter_map(|node| match system.rights(node) {
-        None => Some(format!("{node} (not there)")),
-        Some(rights) if user.may_use(rights) => None,
-        Some(rights) => Some(format!("{node} (mode {:04o}, group {})", rights.mode, rights.gid)),
-    });
+    let blocked =
+        camera.nodes.iter().filter_map(|node| match (system.rights(node), system.may_use(user, node)) {
+            (Some(rights), Some(false)) => {
+                Some(format!("{node} (mode {:04o}, group {})", rights.mode, rights.gid))
+            }
+            (Some(_), _) => None,
+            (None, _) => Some(format!("{node} (not there)")),
+        });
     let blocked: Vec<String> = blocked.collect();
     if blocked.is_empty() {
         let (n_nodes, name) = (camera.nodes.len(), &user.name);

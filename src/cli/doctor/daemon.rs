@@ -7,7 +7,7 @@ use super::system::System;
 use crate::capture::CameraInfo;
 use crate::cli::address::Address;
 use crate::cli::online::ANSWER_WITHIN;
-use crate::ipc::{ClientError, Snapshot};
+use crate::ipc::{ClientError, InstanceName, Snapshot, Transport};
 use crate::service::config::{self, BackendConfig, CamerasConfig, Config, ConfigError};
 
 /// Where the installed service reads its config.
@@ -89,6 +89,19 @@ pub fn back_end(cameras: &CamerasConfig) -> Finding {
     Finding::ok(CHECK, format!("the back end {name} has {there}"))
 }
 
+/// Where the daemon of a config is, unless the command line says so itself.
+pub fn address_of(address: &Address, config: &Config) -> Address {
+    let is_named = address.instance != InstanceName::default();
+    let of_config = match &config.transport {
+        Transport::Files { directory } => Some(directory.clone()),
+        Transport::SharedMemory => None,
+    };
+    Address {
+        instance: if is_named { address.instance.clone() } else { config.instance.clone() },
+        ipc_directory: address.ipc_directory.clone().or(of_config),
+    }
+}
+
 /// Whether the daemon answers, and what it is at.
 pub fn daemon(address: &Address, is_installed: bool) -> Finding {
     const CHECK: &str = "daemon";
@@ -133,4 +146,30 @@ fn answering(check: &'static str, daemon: &Snapshot) -> Finding {
         return Finding::warning(check, found, why);
     }
     Finding::ok(check, found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_daemon_of_the_config_is_asked_unless_the_command_line_names_one() {
+        let mut config = config::load_or_default(None).expect("the defaults");
+        config.instance = "rig2".parse().expect("a name");
+        config.transport = Transport::files("/run/rig2");
+        let named = |instance: &str, directory: Option<&str>| {
+            let address = Address {
+                instance: instance.parse().expect("a name"),
+                ipc_directory: directory.map(PathBuf::from),
+            };
+            let found = address_of(&address, &config);
+            (found.instance.to_string(), found.ipc_directory)
+        };
+        let default = InstanceName::default().to_string();
+        assert_eq!(named(&default, None), ("rig2".to_owned(), Some("/run/rig2".into())));
+        assert_eq!(named("rig3", Some("/run/x")), ("rig3".to_owned(), Some("/run/x".into())));
+        config.transport = Transport::SharedMemory;
+        let found = address_of(&Address { instance: InstanceName::default(), ipc_directory: None }, &config);
+        assert_eq!(found.ipc_directory, None);
+    }
 }

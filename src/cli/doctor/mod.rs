@@ -21,6 +21,7 @@ use super::args::DoctorArgs;
 use super::error::CliError;
 use super::exit::Exit;
 use super::output;
+use crate::service::config::Config;
 use finding::{DoctorDocument, Finding, Grade};
 use system::System;
 
@@ -30,9 +31,11 @@ use system::System;
 /// When stdout cannot be written.
 pub fn run(address: &Address, args: &DoctorArgs) -> Result<Exit, CliError> {
     let system = System::new(args.root.as_deref());
-    let mut findings = examine(&system, args.config.as_deref())?;
+    let (config, about_config) = daemon::config(&system, args.config.as_deref())?;
+    let mut findings = vec![about_config];
+    findings.extend(examine(&system, &config));
     if system.is_running {
-        findings.push(daemon::daemon(address, unit::is_installed(&system)));
+        findings.push(daemon::daemon(&daemon::address_of(address, &config), unit::is_installed(&system)));
     }
     let document = DoctorDocument::new(findings);
     if args.output.json {
@@ -43,15 +46,13 @@ pub fn run(address: &Address, args: &DoctorArgs) -> Result<Exit, CliError> {
     Ok(if document.grade == Grade::Problem { Exit::Failed } else { Exit::Done })
 }
 
-/// Everything but the daemon.
-fn examine(system: &System, config_file: Option<&Path>) -> Result<Vec<Finding>, CliError> {
-    let (config, about_config) = daemon::config(system, config_file)?;
+/// Everything but the config itself and the daemon.
+fn examine(system: &System, config: &Config) -> Vec<Finding> {
     let needs_realsense = daemon::needs_realsense(&config.cameras);
     let cameras = cameras::on_bus(system);
     let needs_service = unit::is_installed(system);
     let state = config.store.directory.as_deref().unwrap_or(Path::new(room::INSTALLED_STATE));
-    let mut findings = vec![about_config];
-    findings.extend(cameras::check(system, &cameras, needs_realsense));
+    let mut findings = cameras::check(system, &cameras, needs_realsense);
     findings.push(daemon::back_end(&config.cameras));
     findings.push(rights::udev_rule(system, needs_realsense || !cameras.is_empty()));
     findings.push(rights::group(system, needs_service));
@@ -60,5 +61,5 @@ fn examine(system: &System, config_file: Option<&Path>) -> Result<Vec<Finding>, 
     findings.extend(clock::check(system, Some(state)));
     findings.push(unit::check(system));
     findings.extend(versions::check(system, &config.pipeline.associate.learned, needs_realsense));
-    Ok(findings)
+    findings
 }

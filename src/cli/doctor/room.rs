@@ -80,7 +80,7 @@ pub fn state_directory(system: &System, configured: Option<&PathBuf>) -> Finding
         );
         return Finding::warning(CHECK, format!("{shown} is not there"), why);
     };
-    if !user.may_use(rights) {
+    if system.may_use(&user, folder) == Some(false) {
         let why = (
             format!("it belongs to user {} and group {}, mode {:04o}", rights.uid, rights.gid, rights.mode),
             format!("sudo chown {} {shown} && sudo chmod 0750 {shown}", user.name),

@@ -102,6 +102,18 @@ impl System {
         Some(Rights { uid: found.uid(), gid: found.gid(), mode: found.mode() & 0o777 })
     }
 
+    /// Whether a user may read and write a file; `None` where it is not there.
+    pub fn may_use(&self, user: &User, absolute: impl AsRef<Path>) -> Option<bool> {
+        let file = absolute.as_ref();
+        let rights = self.rights(file)?;
+        if self.is_running && user.uid == self.uid {
+            // The kernel knows access control lists too.
+            let wanted = rustix::fs::Access::READ_OK | rustix::fs::Access::WRITE_OK;
+            return Some(rustix::fs::access(file, wanted).is_ok());
+        }
+        Some(user.may_use(rights))
+    }
+
     /// The id and the members of a group; `None` where there is none of that name.
     pub fn group(&self, name: &str) -> Option<(u32, Vec<String>)> {
         let text = self.read("/etc/group")?;

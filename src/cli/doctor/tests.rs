@@ -11,6 +11,11 @@ const RULES: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/udev/60-p
 const USB_NODE: &str = "/dev/bus/usb/002/005";
 const NODES: [&str; 4] = [USB_NODE, "/dev/video4", "/dev/hidraw1", "/dev/iio:device0"];
 
+fn examine(system: &System) -> Vec<Finding> {
+    let (config, about_config) = super::daemon::config(system, None).expect("the defaults are good");
+    std::iter::once(about_config).chain(super::examine(system, &config)).collect()
+}
+
 /// A system below a temporary folder, with a D435i on USB 3 and everything as it should be.
 struct MadeUp {
     folder: tempfile::TempDir,
@@ -31,7 +36,7 @@ impl MadeUp {
         let made_up = Self { folder, system };
         // Every file belongs to whoever runs the test; its group stands for `pelical` and `video` here.
         let users =
-            "root:x:0:0::/root:/bin/sh\npelical:x:77002:77002::/:/bin/false\nann:x:77001:100::/:/bin/sh\n";
+            "root:x:0:0::/:/bin/sh\npelical:x:77002:77002::/:/bin/false\nann:x:77001:100::/:/bin/sh\n";
         made_up.write("/etc/passwd", users);
         made_up.write("/etc/group", &format!("users:x:100:\npelical:x:{gid}:pelical,ann\n"));
         let device = "/sys/bus/usb/devices/2-1";
@@ -89,7 +94,7 @@ impl MadeUp {
     }
 
     fn examine(&self) -> Vec<Finding> {
-        super::examine(&self.system, None).expect("the defaults are good")
+        examine(&self.system)
     }
 
     /// The findings of one check; each that is not good has cause and cure.
@@ -316,6 +321,6 @@ fn the_worst_finding_grades_the_whole_and_the_text_has_cause_and_cure() {
 fn an_empty_root_is_looked_at_to_the_end() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let system = System { root: Path::new(folder.path()).to_owned(), ..MadeUp::new().system };
-    let findings = super::examine(&system, None).expect("findings");
+    let findings = examine(&system);
     assert!(findings.len() > 8, "{findings:#?}");
 }
