@@ -64,6 +64,8 @@ pub enum Command {
     Record(RecordArgs),
     /// List the cameras of a config file's back end.
     Devices(DevicesArgs),
+    /// Check cameras, USB speed, permissions, service and system; say of each finding its cause and its cure. Exit code 1 with a problem.
+    Doctor(DoctorArgs),
     /// The daemon of the demo, in a process of its own.
     #[command(hide = true)]
     DemoDaemon,
@@ -364,6 +366,20 @@ pub struct DevicesArgs {
     /// Config file whose section `cameras` is used; without it, the defaults.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// `doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArgs {
+    /// Config file; without it, that of the installed service, else the defaults.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Look at the files of a system below this folder, such as a mounted image, instead of those of the running one.
+    #[arg(long, value_name = "DIR")]
+    pub root: Option<PathBuf>,
     /// Form of the answer.
     #[command(flatten)]
     pub output: Output,

@@ -40,7 +40,11 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
     let cameras: Vec<CameraIdentity> = recording
         .cameras()
         .iter()
-        .map(|info| CameraIdentity { name: info.name.clone(), serial: info.serial.clone(), firmware: None })
+        .map(|info| CameraIdentity {
+            name: info.name.clone(),
+            serial: info.serial.clone(),
+            firmware: info.firmware.clone(),
+        })
         .collect();
     let counts = run.frame_sets;
     let time = run.timing_ms;
@@ -50,8 +54,10 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
         frame_sets: FrameSets {
             seen: counts.seen as u64,
             used: counts.used as u64,
-            refused: counts.refused as u64,
+            refused: counts.refused.total() as u64,
+            refused_for: Some(counts.refused.into()),
         },
+        pair_skews: &run.pair_skews,
         timing_ms: TimingMs {
             detect: Some(time.detect),
             lift: Some(time.lift),

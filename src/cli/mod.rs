@@ -9,6 +9,7 @@ mod calibrate;
 mod canvas;
 mod demo;
 mod devices;
+mod doctor;
 mod error;
 mod evaluate;
 pub mod exit;
@@ -51,6 +52,7 @@ fn dispatch(daemon: &Address, command: &Command) -> Result<Exit, CliError> {
         Command::Bench(args) => bench::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
+        Command::Doctor(args) => doctor::run(daemon, args),
         Command::Status(output) => online::status(daemon, *output),
         Command::Watch(output) => watch::run(daemon, *output),
         Command::Recalibrate(args) => online::recalibrate(daemon, args),

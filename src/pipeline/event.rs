@@ -6,6 +6,7 @@ use crate::capture::StampNs;
 use crate::solver::{RigCalibration, WatchReport};
 
 use super::MAX_CAMERAS;
+use super::motion::Turn;
 use super::stats::Counts;
 
 /// What can be asked of a running pipeline.
@@ -105,8 +106,8 @@ pub struct Progress {
     pub latency: Duration,
     /// Distance between the oldest and newest stamp of the set.
     pub skew: Duration,
-    /// Speed of the fastest image of the set, px/s, where it could be told.
-    pub speed_px_per_s: Option<f64>,
+    /// How fast the rig turned, where it could be told.
+    pub turn: Option<Turn>,
     /// By camera; only the first ones exist.
     pub cameras: [CameraProgress; MAX_CAMERAS],
     /// What the estimator is doing.

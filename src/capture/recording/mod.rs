@@ -8,12 +8,13 @@ mod sections;
 #[cfg(test)]
 mod tests;
 mod truth;
+pub(super) mod turn_rates;
 
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
+use super::{CameraInfo, CaptureError, RgbdFrame, StampNs, TurnRate};
 
 pub(super) use images::{COLOR_FOLDER, DEPTH_FOLDER};
 pub(super) use sections::check_cameras;
@@ -36,10 +37,12 @@ pub struct Recording {
     source: String,
     cameras: Vec<CameraInfo>,
     frame_sets: Vec<Vec<StampNs>>,
+    /// Per camera, by stamp; empty without a gyro.
+    turn_rates: Vec<Vec<(StampNs, TurnRate)>>,
 }
 
 impl Recording {
-    /// Opens the recording in a folder and checks `recording.yaml`; reads no image and no ground truth.
+    /// Opens the recording in a folder and checks `recording.yaml` and what the gyros said; reads no image and no ground truth.
     ///
     /// # Errors
     /// [`CaptureError::BadData`] names the file, the line or key, and what is allowed; [`CaptureError::Io`] otherwise.
@@ -47,12 +50,15 @@ impl Recording {
         let file = folder.join(RECORDING_FILE);
         let text = read_text(&file)?.ok_or_else(|| CaptureError::bad_data(&file, missing_file(folder)))?;
         let parsed = sections::parse_recording(&text).map_err(|what| CaptureError::bad_data(&file, what))?;
+        let of_camera = |info: &CameraInfo| turn_rates::read(&folder.join(&info.name));
+        let turn_rates = parsed.cameras.iter().map(of_camera).collect::<Result<_, _>>()?;
         Ok(Self {
             folder: folder.to_path_buf(),
             description: parsed.description,
             source: parsed.source,
             cameras: parsed.cameras,
             frame_sets: parsed.frame_sets,
+            turn_rates,
         })
     }
 
@@ -102,6 +108,7 @@ impl Recording {
         frame.sequence = set_idx as u64;
         frame.depth_unit_m = info.depth_unit_m;
         frame.depth_camera = info.depth_camera;
+        frame.turn_rate = self.turn_rate(camera_idx, stamp);
         (frame.width, frame.height) = images::size_px(&info.camera);
         Ok(())
     }
@@ -117,6 +124,11 @@ impl Recording {
         let truth =
             truth::parse_ground_truth(&text, &names).map_err(|what| CaptureError::bad_data(&file, what))?;
         Ok(Some(truth))
+    }
+
+    fn turn_rate(&self, camera_idx: usize, stamp: StampNs) -> Option<TurnRate> {
+        let rates = self.turn_rates.get(camera_idx)?;
+        rates.binary_search_by_key(&stamp, |(stamp, _)| *stamp).ok().map(|idx| rates[idx].1)
     }
 
     fn find(&self, camera_idx: usize, stamp: StampNs) -> Result<(&CameraInfo, usize), CaptureError> {

@@ -36,7 +36,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub fn run(args: &BenchArgs) -> Result<Exit, CliError> {
     let mut options = config::load_or_default(args.config.as_deref())?.pipeline;
     // The views jump from frame to frame here; that must not keep the estimator idle.
-    options.motion = MotionOptions { max_speed_px_per_s: f64::INFINITY };
+    options.motion = MotionOptions { max_turn_rad_per_s: f64::INFINITY };
     if let Some(choice) = args.association {
         options.associate.association = choice.into();
     }

@@ -222,6 +222,8 @@ pub struct SyntheticSection {
     pub frames_per_view: u64,
     /// Frames rendered at the start and then repeated; `null` renders each frame when it is asked for.
     pub render_ahead: Option<usize>,
+    /// Whether the cameras have a gyro.
+    pub gyro: bool,
     /// Cameras that are moved in the rig on the way.
     pub moves: Vec<MoveEntry>,
 }
@@ -242,6 +244,7 @@ impl Default for SyntheticSection {
             view_step: 0.02,
             frames_per_view: 1,
             render_ahead: None,
+            gyro: false,
             moves: Vec::new(),
         }
     }
@@ -279,8 +282,8 @@ pub struct SyncSection {
     pub stalled_after_ms: f64,
     /// A camera that is stalled for this long is opened again.
     pub reopen_after_ms: f64,
-    /// Frame sets taken in faster motion are not used.
-    pub max_speed_px_per_s: f64,
+    /// Frame sets taken while the rig turns faster are not used.
+    pub max_turn_deg_per_s: f64,
 }
 
 impl Default for SyncSection {
@@ -292,7 +295,8 @@ impl Default for SyncSection {
             wait_ms: ms(sync.wait),
             stalled_after_ms: ms(sync.stalled_after),
             reopen_after_ms: ms(sync.reopen_after),
-            max_speed_px_per_s: motion.max_speed_px_per_s,
+            // People write 60, not 59.99999999999999.
+            max_turn_deg_per_s: (motion.max_turn_rad_per_s.to_degrees() * 1e6).round() / 1e6,
         }
     }
 }
