@@ -113,6 +113,7 @@ impl FrameSource for LockstepSource {
         frame.rgb.clone_from(&from.rgb);
         frame.depth.clone_from(&from.depth);
         (frame.width, frame.height, frame.depth_unit_m) = (from.width, from.height, from.depth_unit_m);
+        (frame.depth_camera, frame.turn_rate) = (from.depth_camera, from.turn_rate);
         let stamp_ns = i64::try_from(self.next.saturating_mul(PERIOD_NS)).unwrap_or(i64::MAX);
         (frame.stamp, frame.sequence) = (StampNs(stamp_ns), self.next);
         self.next += 1;

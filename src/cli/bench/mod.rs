@@ -41,7 +41,7 @@ pub fn run(args: &BenchArgs) -> Result<Exit, CliError> {
         options.associate.association = choice.into();
     }
     let interrupt = Interrupt::register()?;
-    let recording = Recording::open(&args.recording)?;
+    let recording = args.recording.open()?;
     let frames = read_ahead(&recording)?;
     say(format_args!("one core, {:.0} s", args.seconds.as_secs_f64()));
     let one_core = one_core((&recording, &frames), &options, (args.seconds, &interrupt));
