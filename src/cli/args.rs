@@ -40,6 +40,8 @@ pub enum Command {
     Demo(Output),
     /// Calibrate from a recording, without a daemon.
     Calibrate(CalibrateArgs),
+    /// Play a recording through the live pipeline, as a daemon would see it, until its result or the recording's end.
+    Replay(ReplayArgs),
     /// Calibrate every recording below that has ground_truth.yaml, and print the errors.
     Evaluate(EvaluateArgs),
     /// Solve sets of matched line pairs with the estimators alone, and print poses, errors and times.
@@ -109,6 +111,23 @@ pub struct CalibrateArgs {
     #[command(flatten)]
     pub recording: RecordingArgs,
     /// Config file whose sections `sync`, `lines` and `estimate` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// `replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// What was recorded.
+    #[command(flatten)]
+    pub recording: RecordingArgs,
+    /// Play as fast as the pipeline takes the frame sets, none of which is lost then, instead of at the recorded pace.
+    #[arg(long)]
+    pub fast: bool,
+    /// Config file whose sections `sync`, `lines`, `estimate` and `matcher` are used.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Form of the answer.
@@ -412,6 +431,8 @@ mod tests {
             vec!["pelical", "--instance", "a b", "status"],
             vec!["pelical", "--ipc-directory", "relative", "status"],
             vec!["pelical", "evaluate"],
+            vec!["pelical", "calibrate"],
+            vec!["pelical", "replay"],
             vec!["pelical", "evaluate", "folder", "--paper"],
             vec!["pelical", "evaluate", "folder", "--seeds", "3"],
             vec!["pelical", "evaluate", "--seeds", "3"],
