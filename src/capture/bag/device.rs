@@ -117,23 +117,29 @@ impl Device {
         self.about.get("Serial Number").map(String::as_str).filter(|serial| !serial.is_empty())
     }
 
+    /// `None` where depth is registered to colour.
     fn depth_camera(&self, color: &Camera, camera: Camera) -> Result<Option<DepthCamera>, String> {
-        let motions = (self.color.stream_from_group, self.depth.stream_from_group);
-        let (Some((color_group, color_from_group)), Some((depth_group, depth_from_group))) = motions else {
-            return Err("the extrinsics between depth and colour are missing".into());
+        let Some(color_from_depth) = self.color_from_depth() else {
+            // No two imagers are alike: only aligned depth has the intrinsics of colour.
+            return if camera == *color {
+                Ok(None)
+            } else {
+                Err("the extrinsics between depth and colour are missing".into())
+            };
         };
-        if color_group != depth_group {
-            return Err(format!(
-                "depth and colour have no extrinsics between them: these refer to {depth_group} and {color_group}"
-            ));
-        }
-        let color_from_depth = color_from_group * depth_from_group.inverse();
         let shift = color_from_depth.translation.vector.norm().max(color_from_depth.rotation.angle());
         if shift < NO_SHIFT && camera == *color {
             return Ok(None);
         }
         check_housing(&color_from_depth)?;
         Ok(Some(DepthCamera { camera, color_from_depth }))
+    }
+
+    /// `None` where the two streams do not refer to the same third.
+    fn color_from_depth(&self) -> Option<Motion> {
+        let (color_group, color_from_group) = self.color.stream_from_group?;
+        let (depth_group, depth_from_group) = self.depth.stream_from_group?;
+        (color_group == depth_group).then(|| color_from_group * depth_from_group.inverse())
     }
 }
 
