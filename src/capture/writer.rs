@@ -283,12 +283,10 @@ fn head_text(cameras: &[CameraInfo], description: &str, source: &str) -> String 
 /// Size, pinhole and lens as lines of YAML.
 fn intrinsics_entries(camera: &Camera) -> [String; 7] {
     let pinhole = camera.pinhole();
-    let model = match camera.distortion() {
-        Distortion::None => "none",
-        Distortion::BrownConrady { .. } => "brown_conrady",
-        Distortion::InverseBrownConrady { .. } => "inverse_brown_conrady",
+    let (model, coeffs) = match camera.distortion() {
+        Distortion::None => ("none", [0.0; 5]),
+        Distortion::BrownConrady { k1, k2, p1, p2, k3 } => ("brown_conrady", [k1, k2, p1, p2, k3]),
     };
-    let coeffs = camera.distortion().coeffs().unwrap_or_default();
     let coeffs = coeffs.map(|coeff| coeff.to_string()).join(", ");
     [
         format!("width: {}", camera.width_px()),

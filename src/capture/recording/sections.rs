@@ -250,16 +250,11 @@ impl DistortionSection {
             ("none", coeffs) if coeffs.iter().all(|&coeff| coeff == 0.0) => Ok(Distortion::None),
             ("none", _) => Err("distortion.coeffs must be 0 with model none".into()),
             ("brown_conrady", &[k1, k2, p1, p2, k3]) => Ok(Distortion::BrownConrady { k1, k2, p1, p2, k3 }),
-            ("inverse_brown_conrady", &[k1, k2, p1, p2, k3]) => {
-                Ok(Distortion::InverseBrownConrady { k1, k2, p1, p2, k3 })
-            }
-            (model @ ("brown_conrady" | "inverse_brown_conrady"), coeffs) => Err(format!(
-                "distortion.coeffs has {} numbers; {model} has 5: k1, k2, p1, p2, k3",
+            ("brown_conrady", coeffs) => Err(format!(
+                "distortion.coeffs has {} numbers; brown_conrady has 5: k1, k2, p1, p2, k3",
                 coeffs.len()
             )),
-            (model, _) => Err(format!(
-                "distortion.model is \"{model}\"; none, brown_conrady and inverse_brown_conrady are allowed"
-            )),
+            (model, _) => Err(format!("distortion.model is \"{model}\"; none and brown_conrady are allowed")),
         }
     }
 }
