@@ -20,6 +20,15 @@ pub struct CameraInfo {
     pub depth_camera: Option<DepthCamera>,
     /// Metres per depth count.
     pub depth_unit_m: f64,
+    /// Version of the firmware as the maker prints it; `None` where the device does not say.
+    pub firmware: Option<String>,
+}
+
+/// Turn rates of a camera between its previous frame and this one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TurnRate {
+    /// Largest norm of the gyro's samples since the previous frame, in the camera's own clock; finite and not negative.
+    pub max_rad_per_s: f64,
 }
 
 /// Colour and depth of one moment. Buffers are reused from frame to frame.
@@ -41,6 +50,8 @@ pub struct RgbdFrame {
     pub depth_camera: Option<DepthCamera>,
     /// Metres per depth count.
     pub depth_unit_m: f64,
+    /// How fast the camera turned; `None` where there is no gyro, or it said nothing since the previous frame.
+    pub turn_rate: Option<TurnRate>,
 }
 
 impl RgbdFrame {

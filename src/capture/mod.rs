@@ -14,7 +14,7 @@ pub mod writer;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-pub use frame::{CameraInfo, RgbdFrame, StampNs};
+pub use frame::{CameraInfo, RgbdFrame, StampNs, TurnRate};
 
 /// Lists and opens the devices of one back end.
 pub trait DeviceFactory: Send + Sync {

@@ -260,7 +260,7 @@ fn head_text(cameras: &[CameraInfo], description: &str, source: &str) -> String 
         quoted(description),
         quoted(source)
     );
-    for CameraInfo { name, serial, camera, depth_camera, depth_unit_m } in cameras {
+    for CameraInfo { name, serial, camera, depth_camera, depth_unit_m, .. } in cameras {
         let _ = writeln!(text, "  - name: {}\n    serial: {}", quoted(name), quoted(serial));
         for entry in intrinsics_entries(camera) {
             let _ = writeln!(text, "    {entry}");

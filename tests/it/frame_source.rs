@@ -280,6 +280,7 @@ fn synthetic(frame_sets: u64) -> Box<dyn DeviceFactory> {
             camera,
             depth_camera: None,
             depth_unit_m: 0.001,
+            firmware: None,
         },
         reference_from_camera: Motion::translation(x_m, 0.0, 0.0),
     });

@@ -80,6 +80,7 @@ fn every_digit_of_the_intrinsics_survives() {
         camera,
         depth_camera: None,
         depth_unit_m: 1.25e-5,
+        firmware: None,
     };
     let (_parent, folder) = new_folder();
     let mut writer = RecordingWriter::create(&folder, std::slice::from_ref(&info), "", "").unwrap();
@@ -183,7 +184,8 @@ fn depth_that_is_not_registered_keeps_its_size_and_geometry() {
     let imager = Camera::try_new((40, 32), Pinhole { fx_px: 41.25, ..pinhole }, lens).unwrap();
     let color_from_depth = Motion::translation(-0.0151, 2e-4, 1.0 / 3.0 * 1e-3);
     let depth_camera = Some(DepthCamera { camera: imager, color_from_depth });
-    let info = CameraInfo { name: "a".into(), serial: "1".into(), camera, depth_camera, depth_unit_m: 0.001 };
+    let (name, serial) = ("a".into(), "1".into());
+    let info = CameraInfo { name, serial, camera, depth_camera, depth_unit_m: 0.001, firmware: None };
     let frame = RgbdFrame {
         width: 64,
         height: 48,

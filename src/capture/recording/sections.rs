@@ -191,7 +191,7 @@ impl TryFrom<CameraSection> for CheckedCamera {
             .map_err(|error| in_camera(error.to_string()))?;
         let depth_camera = section.depth.map(|depth| depth.checked()).transpose();
         let depth_camera = depth_camera.map_err(|what| in_camera(format!("depth: {what}")))?;
-        Ok(Self(CameraInfo { name, serial, camera, depth_camera, depth_unit_m }))
+        Ok(Self(CameraInfo { name, serial, camera, depth_camera, depth_unit_m, firmware: None }))
     }
 }
 

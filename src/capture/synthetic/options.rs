@@ -12,6 +12,9 @@ use crate::geometry::camera::Pinhole;
 use crate::geometry::motion::Motion;
 use crate::geometry::{Camera, Distortion};
 
+/// What a rendered camera gives for its firmware.
+const FIRMWARE: &str = "synthetic-1";
+
 /// Noise of the pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise {
@@ -97,6 +100,8 @@ pub struct SyntheticOptions {
     /// Frames rendered when a camera is opened and then repeated with rising stamps, so that rendering costs nothing while
     /// frames are taken; `None` renders each frame when it is asked for.
     pub render_ahead: Option<usize>,
+    /// Whether the cameras have a gyro: each frame then says how fast the rig turned since the one before.
+    pub has_gyro: bool,
 }
 
 impl SyntheticOptions {
@@ -117,6 +122,7 @@ impl SyntheticOptions {
             view_step: 1.0,
             frames_per_view: 1,
             render_ahead: None,
+            has_gyro: false,
         }
     }
 
@@ -185,6 +191,7 @@ fn camera((name, number): (&str, u64), seed: u64, reference_from_camera: Motion)
         camera,
         depth_camera: None,
         depth_unit_m: 0.001,
+        firmware: Some(FIRMWARE.to_owned()),
     };
     SyntheticCamera { info, reference_from_camera }
 }

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use super::World;
 use super::options::Pace;
 use super::view::View;
-use crate::capture::{CameraInfo, CaptureError, FrameSource, RgbdFrame, StampNs};
+use crate::capture::{CameraInfo, CaptureError, FrameSource, RgbdFrame, StampNs, TurnRate};
+use crate::geometry::motion::rotation_gap_rad;
 
 /// One open camera.
 #[derive(Debug)]
@@ -55,6 +56,19 @@ impl SyntheticSource {
     }
 }
 
+impl SyntheticSource {
+    /// How fast the camera turned from the pictures of the frame before to those of this one; none for the first, and without a
+    /// gyro.
+    fn turn_rate(&self, number: u64) -> Option<TurnRate> {
+        let before = number.checked_sub(1).filter(|_| self.world.options.has_gyro)?;
+        let shown = |number: u64| number.checked_rem(self.ahead.len() as u64).unwrap_or(number);
+        let pose = |number| self.world.world_from_camera(self.camera, shown(number));
+        let turned_rad = rotation_gap_rad(&pose(before), &pose(number));
+        let period_s = self.world.options.period.as_secs_f64().max(1e-9);
+        Some(TurnRate { max_rad_per_s: turned_rad / period_s })
+    }
+}
+
 impl FrameSource for SyntheticSource {
     fn info(&self) -> &CameraInfo {
         &self.world.options.cameras[self.camera].info
@@ -74,6 +88,7 @@ impl FrameSource for SyntheticSource {
             }
             count => copy(&self.ahead[(number % count) as usize], frame),
         }
+        frame.turn_rate = self.turn_rate(number);
         frame.sequence = number;
         let stamp_ns = u128::from(number) * self.world.options.period.as_nanos();
         frame.stamp = StampNs(i64::try_from(stamp_ns).unwrap_or(i64::MAX));

@@ -376,3 +376,36 @@ fn an_exact_pair_stands_as_protractor_and_ruler_say() {
     assert!((forward.x.atan2(forward.z).to_degrees() - 40.0).abs() < 1e-9 && forward.y.abs() < 1e-12);
     assert!((right.translation.vector - Vector3::new(0.35, 0.0, 0.0)).norm() < 1e-12);
 }
+
+#[test]
+fn a_gyro_tells_the_turn_between_two_frames_and_only_where_there_is_one() {
+    let board = Some(Checkerboard { squares: [9, 7], square_m: 0.108 });
+    let options = SyntheticOptions { board, view_step: 0.1, ..pair(Noise::Off, 18) };
+    let rates = |options: &SyntheticOptions| -> Vec<Option<f64>> {
+        frames(options, 1, 4).iter().map(|frame| frame.turn_rate.map(|rate| rate.max_rad_per_s)).collect()
+    };
+    assert_eq!(rates(&options), [None; 4]);
+    let with_gyro = SyntheticOptions { has_gyro: true, ..options };
+    let world = SyntheticFactory::new(with_gyro.clone()).world;
+    let turn = |number: u64| {
+        let before_from_after =
+            world.world_from_camera(1, number - 1).inv_mul(&world.world_from_camera(1, number));
+        before_from_after.rotation.angle() / with_gyro.period.as_secs_f64()
+    };
+    let found = rates(&with_gyro);
+    assert_eq!(found[0], None, "nothing was before the first frame");
+    for (number, rate) in (1..).zip(found.iter().skip(1)) {
+        let rate = rate.expect("a rate");
+        assert!(rate > 0.001 && (rate - turn(number)).abs() < 1e-9, "{rate} instead of {}", turn(number));
+    }
+}
+
+#[test]
+fn frames_repeated_from_memory_have_the_turn_rate_of_what_they_show() {
+    let board = Some(Checkerboard { squares: [9, 7], square_m: 0.108 });
+    let ahead = SyntheticOptions { board, render_ahead: Some(2), has_gyro: true, ..pair(Noise::Off, 19) };
+    let rates =
+        frames(&ahead, 0, 5).into_iter().skip(1).map(|frame| frame.turn_rate.expect("a rate").max_rad_per_s);
+    let rates: Vec<f64> = rates.collect();
+    assert!(rates.iter().all(|rate| *rate > 0.1 && (rate - rates[0]).abs() < 1e-9), "{rates:?}");
+}

@@ -138,6 +138,7 @@ pub(super) fn synthetic_options(file: &SyntheticSection) -> Result<SyntheticOpti
         view_step: file.view_step,
         frames_per_view: file.frames_per_view,
         render_ahead: file.render_ahead,
+        has_gyro: file.gyro,
         moves: super::synthetic::moves(file, &rig)?,
         ..rig
     })

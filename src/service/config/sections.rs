@@ -222,6 +222,8 @@ pub struct SyntheticSection {
     pub frames_per_view: u64,
     /// Frames rendered at the start and then repeated; `null` renders each frame when it is asked for.
     pub render_ahead: Option<usize>,
+    /// Whether the cameras have a gyro.
+    pub gyro: bool,
     /// Cameras that are moved in the rig on the way.
     pub moves: Vec<MoveEntry>,
 }
@@ -242,6 +244,7 @@ impl Default for SyntheticSection {
             view_step: 0.02,
             frames_per_view: 1,
             render_ahead: None,
+            gyro: false,
             moves: Vec::new(),
         }
     }

@@ -75,6 +75,7 @@ pub fn rig(names: &[&str]) -> (Vec<CameraSlot>, Vec<Arc<Control>>) {
             camera: intrinsics(),
             depth_camera: None,
             depth_unit_m: 0.001,
+            firmware: None,
         };
         let factory = FakeFactory { info, index, control: Arc::clone(&control), start };
         slots.push(CameraSlot { factory: Arc::new(factory), serial, name: (*name).to_owned() });
