@@ -37,7 +37,11 @@ pub fn calibrate(recording: &Recording, options: &PipelineOptions) -> Result<Cal
     let cameras: Vec<CameraIdentity> = recording
         .cameras()
         .iter()
-        .map(|info| CameraIdentity { name: info.name.clone(), serial: info.serial.clone(), firmware: info.firmware.clone() })
+        .map(|info| CameraIdentity {
+            name: info.name.clone(),
+            serial: info.serial.clone(),
+            firmware: info.firmware.clone(),
+        })
         .collect();
     let counts = run.frame_sets;
     let time = run.timing_ms;

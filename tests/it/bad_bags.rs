@@ -66,7 +66,12 @@ fn what_is_put_together_again_is_what_was_taken_apart() {
     for compression in [Compression::None, Compression::Lz4] {
         let again = read(&bag(&wrap(), compression)).unwrap();
         assert_eq!(again.len(), original.len());
-        assert!(again.iter().zip(&original).all(|(a, b)| a.rgb == b.rgb && a.depth == b.depth && a.stamp == b.stamp));
+        assert!(
+            again
+                .iter()
+                .zip(&original)
+                .all(|(a, b)| a.rgb == b.rgb && a.depth == b.depth && a.stamp == b.stamp)
+        );
     }
 }
 
@@ -100,12 +105,21 @@ fn a_bag_whose_recorder_was_not_closed_is_told_how_to_be_repaired() {
 #[test]
 fn chunks_that_would_fill_the_memory_are_refused_before_they_are_unpacked() {
     let zeros = vec![0; 100 << 20];
-    check_refused(&file(&[chunk_record(&zeros, 100, Compression::Lz4)], &[]), &["damaged", "100 bytes are promised"]);
-    check_refused(&file(&[chunk_record(b"", 0xFFFF_FFF0, Compression::None)], &[]), &["4294967280 bytes", "at most"]);
+    check_refused(
+        &file(&[chunk_record(&zeros, 100, Compression::Lz4)], &[]),
+        &["damaged", "100 bytes are promised"],
+    );
+    check_refused(
+        &file(&[chunk_record(b"", 0xFFFF_FFF0, Compression::None)], &[]),
+        &["4294967280 bytes", "at most"],
+    );
     let nested = chunk_record(&zeros, zeros.len(), Compression::Lz4);
     let what = ["neither a message nor a connection"];
     check_refused(&file(&[chunk_record(&nested, nested.len(), Compression::None)], &[]), &what);
-    check_refused(&file(&[chunk_record(b"x", 1, Compression::Claimed("bz2"))], &[]), &["\"bz2\"", "none and lz4"]);
+    check_refused(
+        &file(&[chunk_record(b"x", 1, Compression::Claimed("bz2"))], &[]),
+        &["\"bz2\"", "none and lz4"],
+    );
     check_refused(&file(&[chunk_record(b"x", 1, Compression::Claimed("lz4"))], &[]), &["damaged"]);
     check_refused(&file(&[record(&[("op", &[4])], b"")], &[]), &["kind 4"]);
 }
@@ -124,7 +138,9 @@ fn a_camera_that_does_not_say_what_is_needed_is_refused() {
     let nan = |body: &[u8]| Some([&f64::NAN.to_le_bytes()[..], &body[8..]].concat());
     check_refused(&with(&format!("{COLOR}/tf/1"), nan), &["no motion"]);
     let lens = |body: &[u8]| Some(reencoded(body, ("Inverse Brown Conrady", "Kannala Brandt4")));
-    check_refused(&with(&format!("{COLOR}/info/camera_info"), lens), &["Kannala Brandt4", "allowed"]);
+    let foreign = |body: &[u8]| Some(reencoded(body, ("Inverse Brown Conrady", "equidistant")));
+    check_refused(&with(&format!("{COLOR}/info/camera_info"), foreign), &["\"equidistant\"", "allowed"]);
+    check_refused(&with(&format!("{COLOR}/info/camera_info"), lens), &["kannala_brandt4", "supported"]);
 }
 
 #[test]
@@ -135,7 +151,10 @@ fn images_that_are_not_what_was_promised_are_refused() {
     check_refused(&with(&data, |body| Some(reencoded(body, ("bgr8", "jpeg")))), &["\"jpeg\"", "rgb8"]);
     check_refused(&with(&data, |body| Some(reencoded(body, ("bgr8", "bgra8")))), &["needed for each row"]);
     let depth = format!("{DEPTH}/image/data");
-    check_refused(&with(&depth, |body| Some(reencoded(body, ("mono16", "rgb8")))), &["depth is stored as \"rgb8\""]);
+    check_refused(
+        &with(&depth, |body| Some(reencoded(body, ("mono16", "rgb8")))),
+        &["depth is stored as \"rgb8\""],
+    );
     let info = format!("{COLOR}/info/camera_info");
     let wider = |body: &[u8]| Some([&body[..20], &50_u32.to_le_bytes()[..], &body[24..]].concat());
     check_refused(&with(&info, wider), &["48 x 32 px", "50 x 32"]);
@@ -155,7 +174,14 @@ fn colour_in_other_layouts_becomes_the_same_rgb() {
             [row, vec![9; 6]].concat()
         });
         let rows: Vec<u8> = rows.collect();
-        let tail = [&text(encoding)[..], &[0], &(stride as u32).to_le_bytes(), &(rows.len() as u32).to_le_bytes(), &rows].concat();
+        let tail = [
+            &text(encoding)[..],
+            &[0],
+            &(stride as u32).to_le_bytes(),
+            &(rows.len() as u32).to_le_bytes(),
+            &rows,
+        ]
+        .concat();
         with(&data, |body| Some([&body[..25], &tail].concat()))
     };
     let luma = |pixel: usize| ((298 * (i32::from(gray(pixel)) - 16) + 128) >> 8).clamp(0, 255) as u8;
@@ -207,7 +233,8 @@ fn bags_that_do_not_belong_together_are_refused() {
     let [left, wrap] = ["pair/left.bag", "single/wrap.bag"].map(fixture);
     let message = Recording::open_all(&[&left, &left]).expect_err("refused").to_string();
     assert!(message.contains("used twice"), "{message}");
-    let message = Recording::open_all(&[&left, &fixture("pair/expected.json")]).expect_err("refused").to_string();
+    let message =
+        Recording::open_all(&[&left, &fixture("pair/expected.json")]).expect_err("refused").to_string();
     assert!(message.contains("is no .bag file"), "{message}");
     let message = Recording::open_all(&[&fixture("nowhere.bag")]).expect_err("refused").to_string();
     assert!(message.contains("nowhere.bag: "), "{message}");

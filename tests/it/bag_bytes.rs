@@ -54,12 +54,14 @@ pub fn bag(messages: &[Message], compression: Compression) -> Vec<u8> {
                 topics.push(topic);
                 topics.len() - 1
             });
-            let fields: [(&str, &[u8]); 3] = [("op", &[2]), ("conn", &(id as u32).to_le_bytes()), ("time", &[1; 8])];
+            let fields: [(&str, &[u8]); 3] =
+                [("op", &[2]), ("conn", &(id as u32).to_le_bytes()), ("time", &[1; 8])];
             chunk.extend(record(&fields, body));
         }
         chunks.push(chunk);
     }
-    let chunks: Vec<Vec<u8>> = chunks.iter().map(|chunk| chunk_record(chunk, chunk.len(), compression)).collect();
+    let chunks: Vec<Vec<u8>> =
+        chunks.iter().map(|chunk| chunk_record(chunk, chunk.len(), compression)).collect();
     file(&chunks, &topics)
 }
 
@@ -67,17 +69,23 @@ pub fn bag(messages: &[Message], compression: Compression) -> Vec<u8> {
 pub fn file(chunks: &[Vec<u8>], topics: &[&str]) -> Vec<u8> {
     let head = |index: u64| {
         let counts = [topics.len() as u32, chunks.len() as u32].map(u32::to_le_bytes);
-        let fields: [(&str, &[u8]); 4] =
-            [("op", &[3]), ("index_pos", &index.to_le_bytes()), ("conn_count", &counts[0]), ("chunk_count", &counts[1])];
+        let fields: [(&str, &[u8]); 4] = [
+            ("op", &[3]),
+            ("index_pos", &index.to_le_bytes()),
+            ("conn_count", &counts[0]),
+            ("chunk_count", &counts[1]),
+        ];
         [b"#ROSBAG V2.0\n".to_vec(), record(&fields, &[b' '; 100])].concat()
     };
     let start = head(0).len();
     let body = chunks.concat();
     let mut bytes = [head((start + body.len()) as u64), body].concat();
     for (id, topic) in topics.iter().enumerate() {
-        let about: [(&str, &[u8]); 3] = [("type", b"any"), ("md5sum", &[b'0'; 32]), ("message_definition", b"")];
+        let about: [(&str, &[u8]); 3] =
+            [("type", b"any"), ("md5sum", &[b'0'; 32]), ("message_definition", b"")];
         let about: Vec<u8> = about.iter().flat_map(|(name, value)| field(name, value)).collect();
-        let fields: [(&str, &[u8]); 3] = [("op", &[7]), ("conn", &(id as u32).to_le_bytes()), ("topic", topic.as_bytes())];
+        let fields: [(&str, &[u8]); 3] =
+            [("op", &[7]), ("conn", &(id as u32).to_le_bytes()), ("topic", topic.as_bytes())];
         bytes.extend(record(&fields, &about));
     }
     let mut at = start as u64;

@@ -96,7 +96,9 @@ impl Device {
         };
         let (color, depth) = (of(&self.color, "colour")?, of(&self.depth, "depth")?);
         let depth_unit_m = self.depth_units.get(&self.depth.sensor).copied().ok_or_else(|| {
-            format!("camera \"{name}\" has no depth unit: the option Depth Units of its depth sensor is missing")
+            format!(
+                "camera \"{name}\" has no depth unit: the option Depth Units of its depth sensor is missing"
+            )
         })?;
         if !(depth_unit_m > 0.0 && depth_unit_m <= 1.0) {
             return Err(format!(
@@ -107,7 +109,9 @@ impl Device {
             name: name.to_owned(),
             serial: self.serial().unwrap_or(name).to_owned(),
             camera: color,
-            depth_camera: self.depth_camera(&color, depth).map_err(|what| format!("camera \"{name}\": {what}"))?,
+            depth_camera: self
+                .depth_camera(&color, depth)
+                .map_err(|what| format!("camera \"{name}\": {what}"))?,
             depth_unit_m,
             firmware: self.about.get("Firmware Version").cloned(),
         })

@@ -73,7 +73,8 @@ impl BagFile {
             self.guard.check_chunk(at, &mut unpacked)?;
             self.with_chunk(at, |records| {
                 for (nth, record) in (0..).zip(records) {
-                    let MessageRecord::MessageData(message) = record.map_err(|error| in_words(&error))? else {
+                    let MessageRecord::MessageData(message) = record.map_err(|error| in_words(&error))?
+                    else {
                         continue;
                     };
                     if let Some(topic) = self.topics.get(&message.conn_id) {

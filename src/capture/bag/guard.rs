@@ -106,7 +106,8 @@ impl Guard {
         let sqlite = self.read(0, SQLITE_MAGIC.len() as u32);
         if sqlite.is_ok_and(|magic| magic == SQLITE_MAGIC) {
             return Err(
-                "is a .db3 recording of a newer SDK; only .bag files are read: convert it with `rs-convert`".into()
+                "is a .db3 recording of a newer SDK; only .bag files are read: convert it with `rs-convert`"
+                    .into(),
             );
         }
         Err("is not a bag: it does not begin with \"#ROSBAG V2.0\"".into())
@@ -155,7 +156,9 @@ impl Guard {
 
     fn read(&self, at: u64, len: u32) -> Result<Vec<u8>, String> {
         let mut bytes = vec![0; len as usize];
-        self.file.read_exact_at(&mut bytes, at).map_err(|error| format!("byte {at} cannot be read: {error}"))?;
+        self.file
+            .read_exact_at(&mut bytes, at)
+            .map_err(|error| format!("byte {at} cannot be read: {error}"))?;
         Ok(bytes)
     }
 }

@@ -4,9 +4,10 @@
 
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 
+use crate::capture::realsense::lens::{self, Intrinsics};
+use crate::geometry::Camera;
 use crate::geometry::camera::Pinhole;
 use crate::geometry::motion::Motion;
-use crate::geometry::{Camera, Distortion};
 
 /// The SDK computes in f32; more than this is no rounding.
 const MAX_NORM_GAP: f64 = 1e-3;
@@ -60,7 +61,9 @@ pub(super) fn camera(message: &[u8]) -> Result<Camera, String> {
     let n_coeffs = fields.u32()?;
     let mut coeffs = [0.0; 5];
     if n_coeffs as usize > coeffs.len() {
-        return Err(format!("the lens has {n_coeffs} coefficients; at most 5 are allowed: k1, k2, p1, p2, k3"));
+        return Err(format!(
+            "the lens has {n_coeffs} coefficients; at most 5 are allowed: k1, k2, p1, p2, k3"
+        ));
     }
     for coeff in coeffs.iter_mut().take(n_coeffs as usize) {
         *coeff = fields.f64()?;
@@ -71,27 +74,28 @@ pub(super) fn camera(message: &[u8]) -> Result<Camera, String> {
         return Err(format!("the intrinsics have a skew of {skew}; 0 is allowed"));
     }
     let pinhole = Pinhole { fx_px, fy_px, cx_px, cy_px };
-    let lens = distortion(model, coeffs)?;
-    Camera::try_new((width_px, height_px), pinhole, lens).map_err(|error| error.to_string())
+    let intrinsics =
+        Intrinsics { size_px: (width_px, height_px), pinhole, model: model_number(model)?, coeffs };
+    lens::camera(&intrinsics).map_err(|error| error.to_string())
 }
 
-/// The model by the name that the SDK gives it. Without coefficients every polynomial model is none.
-fn distortion(model: &str, coeffs: [f64; 5]) -> Result<Distortion, String> {
-    let is_none = coeffs.iter().all(|&coeff| coeff == 0.0);
-    let [k1, k2, p1, p2, k3] = coeffs;
-    match model {
-        "" | "None" | "Brown Conrady" | "Modified Brown Conrady" | "Inverse Brown Conrady" | "plumb_bob"
-            if is_none =>
-        {
-            Ok(Distortion::None)
-        }
-        "Brown Conrady" | "plumb_bob" => Ok(Distortion::BrownConrady { k1, k2, p1, p2, k3 }),
-        "Inverse Brown Conrady" => Ok(Distortion::InverseBrownConrady { k1, k2, p1, p2, k3 }),
-        _ => Err(format!(
-            "the distortion model is \"{model}\" with coefficients {coeffs:?}; None, Brown Conrady and Inverse Brown \
-             Conrady are allowed"
-        )),
-    }
+/// Number in the SDK of the model that it writes under this name; ROS's own names count as the SDK's plain ones.
+fn model_number(name: &str) -> Result<u32, String> {
+    let known = [
+        "None",
+        "Modified Brown Conrady",
+        "Inverse Brown Conrady",
+        "Ftheta",
+        "Brown Conrady",
+        "Kannala Brandt4",
+    ];
+    let name = match name {
+        "" => "None",
+        "plumb_bob" => "Brown Conrady",
+        name => name,
+    };
+    let number = (0..).zip(known).find(|(_, known)| *known == name).map(|(number, _)| number);
+    number.ok_or_else(|| format!("the distortion model is \"{name}\"; allowed are {}", known.join(", ")))
 }
 
 /// `geometry_msgs/Transform`.

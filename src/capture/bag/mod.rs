@@ -52,7 +52,10 @@ impl Bags {
             let file = Arc::new(BagFile::open(path)?);
             let in_file = device::read_devices(&file)?;
             if in_file.is_empty() {
-                return Err(CaptureError::bad_data(path, "holds nothing that a RealSense camera has recorded"));
+                return Err(CaptureError::bad_data(
+                    path,
+                    "holds nothing that a RealSense camera has recorded",
+                ));
             }
             devices.extend(in_file.into_iter().map(|device| (Arc::clone(&file), device)));
         }
@@ -92,7 +95,10 @@ impl Bags {
             return Err(CaptureError::bad_data(Path::new(""), format!("there is no camera {camera_idx}")));
         };
         let bad = |what: String| {
-            CaptureError::bad_data(stream.file.path(), format!("frame {} of \"{}\": {what}", stamp.0, info.name))
+            CaptureError::bad_data(
+                stream.file.path(),
+                format!("frame {} of \"{}\": {what}", stamp.0, info.name),
+            )
         };
         let found = stream.frames.binary_search_by_key(&stamp.0, |frame| frame.stamp_ns);
         let found = found.ok().and_then(|idx| stream.frames.get(idx));

@@ -51,7 +51,9 @@ pub(super) fn read_color(image: &Image<'_>, camera: &Camera, rgb: &mut Vec<u8>) 
     };
     rgb.clear();
     match layout {
-        Layout::Interleaved(3, [0, 1, 2]) => rows(image, camera, 3)?.for_each(|row| rgb.extend_from_slice(row)),
+        Layout::Interleaved(3, [0, 1, 2]) => {
+            rows(image, camera, 3)?.for_each(|row| rgb.extend_from_slice(row))
+        }
         Layout::Interleaved(size, order) => {
             for row in rows(image, camera, size)? {
                 let channel = |pixel: &[u8], at: usize| pixel.get(at).copied().unwrap_or_default();
@@ -60,7 +62,10 @@ pub(super) fn read_color(image: &Image<'_>, camera: &Camera, rgb: &mut Vec<u8>) 
         }
         Layout::Yuv422(order) => {
             if camera.width_px() % 2 != 0 {
-                return Err(format!("an image of {} px width cannot be stored in pairs of pixels", camera.width_px()));
+                return Err(format!(
+                    "an image of {} px width cannot be stored in pairs of pixels",
+                    camera.width_px()
+                ));
             }
             for row in rows(image, camera, 2)? {
                 rgb.extend(row.as_chunks().0.iter().flat_map(|pair| two_pixels(pair, order)));

@@ -7,9 +7,9 @@ pub mod age;
 pub mod clock;
 #[cfg(feature = "realsense")]
 mod device;
+pub mod extrinsics;
 #[cfg(feature = "realsense")]
 mod factory;
-pub mod extrinsics;
 pub mod lens;
 pub mod options;
 pub mod pairing;

@@ -57,10 +57,15 @@ enum Origin {
 
 impl RealsenseSource {
     /// Starts a camera.
-    pub(super) fn live(device: Device, session: Session, options: &RealsenseOptions) -> Result<Self, CaptureError> {
+    pub(super) fn live(
+        device: Device,
+        session: Session,
+        options: &RealsenseOptions,
+    ) -> Result<Self, CaptureError> {
         let serial = device::serial(&device);
         let plan = device::plan(&device, options).map_err(|what| CaptureError::device(&serial, what))?;
-        let sensors: Vec<_> = raw::DeviceSensor::all(&device).map_err(|what| CaptureError::device(&serial, what))?;
+        let sensors: Vec<_> =
+            raw::DeviceSensor::all(&device).map_err(|what| CaptureError::device(&serial, what))?;
         settings::apply(&sensors, options, &serial);
         let origin = Origin::Live { session, asked: Instant::now() };
         Self::start(plan, origin, options)
@@ -104,7 +109,8 @@ impl RealsenseSource {
             source.has_gyro |= is_gyro;
             // A recording begins with the first stream that is opened: it must wait for the others.
             if let Origin::Recorded { recording, .. } = &source.origin {
-                raw::set_paused(&recording.device, true).map_err(|what| CaptureError::device(&serial, what))?;
+                raw::set_paused(&recording.device, true)
+                    .map_err(|what| CaptureError::device(&serial, what))?;
             }
         }
         if let Origin::Recorded { recording, .. } = &source.origin {
@@ -221,7 +227,12 @@ impl RealsenseSource {
         }
         if let Some(late) = self.alarm.on_frame(stamp_ns, arrival_ns, now) {
             let age_ms = late.age.as_millis() as u64;
-            tracing::warn!(serial, age_ms, n_late = late.n_late, "frames are old when they arrive: bus or host is overloaded");
+            tracing::warn!(
+                serial,
+                age_ms,
+                n_late = late.n_late,
+                "frames are old when they arrive: bus or host is overloaded"
+            );
         }
     }
 

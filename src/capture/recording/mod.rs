@@ -15,7 +15,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::bag::{BAG_EXTENSION, Bags};
-use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
+use super::{CameraInfo, CaptureError, FrameTiming, RgbdFrame, StampNs};
 use place::Place;
 
 pub(super) use images::{COLOR_FOLDER, DEPTH_FOLDER};
@@ -146,7 +146,7 @@ impl Recording {
             }
             Store::Bags(bags) => bags.read_images(camera_idx, stamp, frame)?,
         }
-        frame.stamp = stamp;
+        (frame.stamp, frame.timing) = (stamp, FrameTiming::default());
         frame.sequence = set_idx as u64;
         frame.depth_unit_m = info.depth_unit_m;
         frame.depth_camera = info.depth_camera;
@@ -230,5 +230,7 @@ fn missing_file(folder: &Path) -> String {
         Ok(_) => "that is a file, not a folder",
         Err(_) => "there is no such folder",
     };
-    format!("no such file: {hint}; a recording is a folder that holds {RECORDING_FILE}, or .{BAG_EXTENSION} files")
+    format!(
+        "no such file: {hint}; a recording is a folder that holds {RECORDING_FILE}, or .{BAG_EXTENSION} files"
+    )
 }

@@ -45,7 +45,11 @@ pub(super) fn find<P: AsRef<Path>>(paths: &[P]) -> Result<Place<'_>, CaptureErro
 fn bags_at(path: &Path) -> Result<Vec<PathBuf>, CaptureError> {
     if path.is_dir() {
         let is_images = path.join(RECORDING_FILE).is_file();
-        return if is_images { Ok(Vec::new()) } else { bags_in(path).map_err(|error| CaptureError::io(path, error)) };
+        return if is_images {
+            Ok(Vec::new())
+        } else {
+            bags_in(path).map_err(|error| CaptureError::io(path, error))
+        };
     }
     Ok(if is_bag(path) { vec![path.to_path_buf()] } else { Vec::new() })
 }

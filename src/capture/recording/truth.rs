@@ -62,7 +62,8 @@ pub(super) fn parse_for_some(text: &str, names: &[&str]) -> Result<Option<Ground
     }
     let first_from_camera = poses(&section, names)?;
     let reference_from_first = first_from_camera.first().map(Motion::inverse).unwrap_or_default();
-    let reference_from_camera = first_from_camera.iter().map(|motion| reference_from_first * motion).collect();
+    let reference_from_camera =
+        first_from_camera.iter().map(|motion| reference_from_first * motion).collect();
     Ok(Some(GroundTruth { reference_from_camera }))
 }
 

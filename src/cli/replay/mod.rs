@@ -22,8 +22,8 @@ use crate::capture::recording::Recording;
 use crate::capture::replay::{Pace, ReplayFactory, ReplayOptions};
 use crate::ipc::CameraIdentity;
 use crate::pipeline::{
-    CameraSlot, CameraState, Counts, LatencySummary, Pipeline, PipelineEvent, PipelineOptions, Progress, Snapshot,
-    Solved,
+    CameraSlot, CameraState, Counts, LatencySummary, Pipeline, PipelineEvent, PipelineOptions, Progress,
+    Snapshot, Solved,
 };
 use crate::service::config;
 use crate::solver::{RigCalibration, RigCamera, RigEstimator, State};
@@ -160,7 +160,8 @@ impl Playing<'_> {
     }
 
     fn show(&self, progress: &Progress) {
-        let lines: Vec<String> = progress.cameras[..self.recording.cameras().len().min(progress.cameras.len())]
+        let lines: Vec<String> = progress.cameras
+            [..self.recording.cameras().len().min(progress.cameras.len())]
             .iter()
             .map(|camera| camera.lines.to_string())
             .collect();
@@ -200,7 +201,9 @@ fn cameras(recording: &Recording, gate: Option<&Arc<Gate>>) -> Result<Vec<Camera
 
 /// Frame sets of which nothing more will be heard.
 fn through(counts: &Counts) -> u64 {
-    let Counts { accepted_sets, repeated_sets, skipped_sets, refused_motion, refused_skew, dropped_sets, .. } = counts;
+    let Counts {
+        accepted_sets, repeated_sets, skipped_sets, refused_motion, refused_skew, dropped_sets, ..
+    } = counts;
     accepted_sets + repeated_sets + skipped_sets + refused_motion + refused_skew + dropped_sets
 }
 
