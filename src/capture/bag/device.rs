@@ -53,7 +53,7 @@ pub(super) struct Stamped {
 /// When the bag is damaged, or a message that counts cannot be read.
 pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> {
     let mut devices: BTreeMap<u32, Device> = BTreeMap::new();
-    let read = file.each_message(&mut |place, topic, message| {
+    let read = file.each_message(|place, topic, message| {
         let (Topic::Device { device }
         | Topic::DepthUnit { device, .. }
         | Topic::Image { device, .. }

@@ -1,7 +1,7 @@
 //! One bag file: its connections, and its messages chunk by chunk.
 //!
-//! The crate `rosbag` maps the file into memory, so that nothing but the chunk at hand takes room; whoever cuts a file that is
-//! being read ends the process, as with every mapped file.
+//! The crate `rosbag` maps the file into memory; it is asked to do so anew for every chunk, so that no more than the chunk at hand
+//! takes room. Whoever cuts a file while it is mapped ends the process, as with every mapped file.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -25,7 +25,6 @@ pub(super) struct Place {
 pub(super) struct BagFile {
     path: PathBuf,
     guard: Guard,
-    bag: RosBag,
     topics: BTreeMap<u32, Topic>,
     /// Positions in the file.
     chunks: Vec<u64>,
@@ -43,7 +42,7 @@ impl BagFile {
             return Err(bad("is not a file".into()));
         }
         let guard = Guard::new(file).map_err(bad)?;
-        let bag = RosBag::new(path).map_err(|error| CaptureError::io(path, error))?;
+        let bag = RosBag::new(guard.handle()).map_err(|error| CaptureError::io(path, error))?;
         let (mut topics, mut chunks) = (BTreeMap::new(), Vec::new());
         for record in bag.index_records() {
             match record.map_err(|error| bad(in_words(&error)))? {
@@ -56,7 +55,7 @@ impl BagFile {
                 IndexRecord::IndexData(_) => {}
             }
         }
-        Ok(Self { path: path.to_path_buf(), guard, bag, topics, chunks })
+        Ok(Self { path: path.to_path_buf(), guard, topics, chunks })
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -66,7 +65,7 @@ impl BagFile {
     /// Shows every message of the topics that count, in the order of the file.
     pub(super) fn each_message(
         &self,
-        visit: &mut dyn FnMut(Place, Topic, &[u8]) -> Result<(), String>,
+        mut visit: impl FnMut(Place, Topic, &[u8]) -> Result<(), String>,
     ) -> Result<(), String> {
         let mut unpacked = Vec::new();
         for (chunk, &at) in (0..).zip(&self.chunks) {
@@ -106,7 +105,8 @@ impl BagFile {
         at: u64,
         read: impl FnOnce(rosbag::MessageRecordsIterator<'_>) -> Result<T, String>,
     ) -> Result<T, String> {
-        let mut records = self.bag.chunk_records();
+        let bag = RosBag::new(self.guard.handle()).map_err(|error| error.to_string())?;
+        let mut records = bag.chunk_records();
         records.seek(at).map_err(|error| in_words(&error))?;
         match records.next() {
             Some(Ok(ChunkRecord::Chunk(chunk))) => read(chunk.messages()),

@@ -5,7 +5,9 @@
 
 use std::fs::File;
 use std::io::Read as _;
+use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::FileExt as _;
+use std::path::PathBuf;
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
@@ -64,6 +66,11 @@ impl Guard {
         let count = |name| head.field(name).map(u32::from_le_bytes);
         guard.check_index(count("conn_count")?, count("chunk_count")?)?;
         Ok(guard)
+    }
+
+    /// A path to the very file that was checked, also when another one has taken its name since.
+    pub(super) fn handle(&self) -> PathBuf {
+        PathBuf::from(format!("/proc/self/fd/{}", self.file.as_raw_fd()))
     }
 
     /// Checks the chunk at a position of the file: its size, and every record in it. Uses `unpacked` as a buffer.

@@ -61,7 +61,7 @@ pub(super) fn read_color(image: &Image<'_>, camera: &Camera, rgb: &mut Vec<u8>) 
             }
         }
         Layout::Yuv422(order) => {
-            if camera.width_px() % 2 != 0 {
+            if !camera.width_px().is_multiple_of(2) {
                 return Err(format!(
                     "an image of {} px width cannot be stored in pairs of pixels",
                     camera.width_px()
