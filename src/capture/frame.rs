@@ -31,6 +31,31 @@ pub struct TurnRate {
     pub max_rad_per_s: f64,
 }
 
+/// Whose clock a frame's stamp is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum StampClock {
+    /// The recording's or the renderer's.
+    #[default]
+    Source,
+    /// The camera's own; that of another camera has nothing in common with it.
+    Device,
+    /// The camera's own, translated to the host's.
+    Translated,
+    /// The host's, when the image arrived.
+    Host,
+}
+
+/// Where a frame's stamp comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FrameTiming {
+    /// Whose clock the stamp is of.
+    pub clock: StampClock,
+    /// The camera's own counter, unwrapped; `None` where it does not tell.
+    pub device_ns: Option<i64>,
+    /// Arrival at this host, since the Unix epoch; `None` where the frame is not live.
+    pub arrival_ns: Option<i64>,
+}
+
 /// Colour and depth of one moment. Buffers are reused from frame to frame.
 #[derive(Debug, Clone, Default)]
 pub struct RgbdFrame {
@@ -52,6 +77,8 @@ pub struct RgbdFrame {
     pub depth_unit_m: f64,
     /// How fast the camera turned; `None` where there is no gyro, or it said nothing since the previous frame.
     pub turn_rate: Option<TurnRate>,
+    /// Where the stamp comes from.
+    pub timing: FrameTiming,
 }
 
 impl RgbdFrame {

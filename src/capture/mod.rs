@@ -3,7 +3,9 @@
 //! A back end is a [`DeviceFactory`] that lists and opens devices; an open device is a [`FrameSource`] that one capture thread
 //! owns. Everything that can go wrong with a camera is a [`CaptureError`] with a variant for what the caller can do about it.
 
+mod bag;
 pub mod frame;
+pub mod realsense;
 pub mod realsense_models;
 pub mod recording;
 pub mod replay;
@@ -14,7 +16,7 @@ pub mod writer;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-pub use frame::{CameraInfo, RgbdFrame, StampNs, TurnRate};
+pub use frame::{CameraInfo, FrameTiming, RgbdFrame, StampClock, StampNs, TurnRate};
 
 /// Lists and opens the devices of one back end.
 pub trait DeviceFactory: Send + Sync {
@@ -32,6 +34,16 @@ pub trait DeviceFactory: Send + Sync {
     /// # Errors
     /// [`CaptureError::NotFound`] when it is not there, others as the device says.
     fn open(&self, serial: &str) -> Result<Box<dyn FrameSource>, CaptureError>;
+
+    /// Starts the device with this serial anew, as if it had been unplugged: the last that can be tried from here when opening it
+    /// again does not help. It is away for some seconds then. `false` where this back end cannot.
+    ///
+    /// # Errors
+    /// [`CaptureError::NotFound`] when it is not there, others as the device says.
+    fn reset(&self, serial: &str) -> Result<bool, CaptureError> {
+        let _ = serial;
+        Ok(false)
+    }
 }
 
 /// An open camera, owned by one thread.
@@ -76,6 +88,14 @@ pub enum CaptureError {
         /// What is wrong and what is allowed.
         what: String,
     },
+    /// The device or its driver refuses; the message says what.
+    #[error("camera {serial}: {what}")]
+    Device {
+        /// Which camera.
+        serial: String,
+        /// What is wrong and what to do.
+        what: String,
+    },
     /// The operating system refused a file.
     #[error("{path}: {source}")]
     Io {
@@ -90,6 +110,11 @@ impl CaptureError {
     /// Data that is not what the layout promises, in `path`.
     pub(crate) fn bad_data(path: &Path, what: impl Into<String>) -> Self {
         Self::BadData { path: path.to_path_buf(), what: what.into() }
+    }
+
+    /// The device or its driver refuses.
+    pub(crate) fn device(serial: &str, what: impl std::fmt::Display) -> Self {
+        Self::Device { serial: serial.to_owned(), what: what.to_string() }
     }
 
     /// No device with this serial among those that are there.

@@ -1,7 +1,5 @@
 //! `pelical calibrate`: one recording through the offline pipeline. The estimator never sees the ground truth.
 
-use std::path::Path;
-
 use super::args::CalibrateArgs;
 use super::error::CliError;
 use super::exit::Exit;
@@ -20,7 +18,7 @@ use crate::service::config;
 /// When the config or the recording is not usable.
 pub fn run(args: &CalibrateArgs) -> Result<Exit, CliError> {
     let options = config::load_or_default(args.config.as_deref())?.pipeline;
-    let document = calibrate(&args.recording, &options)?;
+    let document = calibrate(&args.recording.open()?, &options)?;
     if args.output.json {
         output::print_json(&document)?;
     } else {
@@ -32,11 +30,10 @@ pub fn run(args: &CalibrateArgs) -> Result<Exit, CliError> {
 /// Calibrates from one recording; with truth when it lies beside.
 ///
 /// # Errors
-/// When the recording or its ground truth is not usable.
-pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<CalibrationDocument, CliError> {
-    let recording = Recording::open(folder)?;
+/// When a frame or the ground truth is not usable.
+pub fn calibrate(recording: &Recording, options: &PipelineOptions) -> Result<CalibrationDocument, CliError> {
     let truth = recording.ground_truth()?;
-    let run = run_offline(&recording, options)?;
+    let run = run_offline(recording, options)?;
     let cameras: Vec<CameraIdentity> = recording
         .cameras()
         .iter()

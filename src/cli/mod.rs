@@ -14,6 +14,7 @@ mod error;
 mod evaluate;
 pub mod exit;
 mod export;
+mod gate;
 mod history;
 mod interrupt;
 mod matching;
@@ -23,6 +24,7 @@ mod pairs_file;
 mod paper;
 mod progress;
 mod record;
+mod replay;
 mod solve;
 pub mod talk;
 mod watch;
@@ -50,6 +52,7 @@ fn dispatch(daemon: &Address, command: &Command) -> Result<Exit, CliError> {
         Command::Solve(args) => solve::run(args),
         Command::Match(args) => matching::run(args).map(|()| Exit::Done),
         Command::Bench(args) => bench::run(args),
+        Command::Replay(args) => replay::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
         Command::Doctor(args) => doctor::run(daemon, args),

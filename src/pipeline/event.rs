@@ -125,6 +125,8 @@ pub struct Solved {
     pub newest_stamp: StampNs,
     /// Frame sets offered to the estimator since it began collecting, repeated ones included.
     pub sets_seen: u64,
+    /// Of these, the ones that brought new evidence; when no more have come since, this solution is the last word.
+    pub sets_accepted: u64,
     /// Time the solution took.
     pub took: Duration,
     /// Which round of collecting it belongs to; see [`super::Pipeline::round`].

@@ -6,7 +6,10 @@
     reason = "clippy's leave for tests stops at #[test]"
 )]
 
+mod bad_bags;
 mod bad_recording;
+mod bag_bytes;
+mod bags;
 mod cli;
 mod closed_stderr;
 mod config;
@@ -16,6 +19,7 @@ mod env;
 mod faults;
 mod fixture;
 mod frame_source;
+mod fuzz_bag;
 mod history;
 mod ipc;
 mod lifting;

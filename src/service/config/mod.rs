@@ -10,6 +10,7 @@ mod faults;
 mod ipc;
 mod locate;
 mod matcher;
+mod recording;
 mod sections;
 mod serial;
 mod store;

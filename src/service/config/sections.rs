@@ -2,7 +2,6 @@
 //!
 //! Nothing is checked here but shape and spelling; ranges are checked where the sections become [`super::Config`].
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -11,6 +10,7 @@ use super::estimator::{AssociationName, EstimatorName};
 use super::faults::FaultsSection;
 use super::ipc::IpcSection;
 use super::matcher::MatcherSection;
+use super::recording::RecordingPaths;
 use super::serial::Serial;
 use super::store::StoreSection;
 use super::supervision::ServiceSection;
@@ -167,8 +167,8 @@ pub struct CameraEntry {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct ReplaySection {
-    /// The recording's folder; must be given for the back end `replay`.
-    pub recording: Option<PathBuf>,
+    /// The recording's folder or bags; must be given for the back end `replay`.
+    pub recording: RecordingPaths,
     /// How fast frames come.
     pub pace: Pace,
     /// Whether to start over at the end.
@@ -180,7 +180,7 @@ pub struct ReplaySection {
 
 impl Default for ReplaySection {
     fn default() -> Self {
-        Self { recording: None, pace: Pace::RealTime, repeat: false, preload: false }
+        Self { recording: RecordingPaths::default(), pace: Pace::RealTime, repeat: false, preload: false }
     }
 }
 

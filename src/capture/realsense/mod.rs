@@ -1,0 +1,31 @@
+//! Live RealSense cameras, and recordings (`.bag`) played by the SDK as if they were cameras.
+//!
+//! What can be decided without the SDK stands in modules of its own and is always built and tested; what calls the SDK is behind
+//! the feature `realsense`, and `raw` is the only place of this crate with `unsafe` in it.
+
+pub mod age;
+pub mod clock;
+#[cfg(feature = "realsense")]
+mod device;
+pub mod extrinsics;
+#[cfg(feature = "realsense")]
+mod factory;
+pub mod lens;
+pub mod options;
+pub mod pairing;
+pub mod pixels;
+#[cfg(feature = "realsense")]
+mod raw;
+#[cfg(feature = "realsense")]
+mod settings;
+#[cfg(feature = "realsense")]
+mod source;
+pub mod turning;
+
+#[cfg(feature = "realsense")]
+pub use factory::RealsenseFactory;
+pub use options::{Pace, RealsenseOptions, VideoMode};
+
+/// How to get a program with this back end; for the message where it was built without.
+pub const HOW_TO_BUILD: &str = "this program was built without RealSense cameras: install librealsense (2.50 or newer, with its \
+     development files) and build with `cargo build --release --features realsense`";

@@ -1,0 +1,124 @@
+//! Which depth image belongs to which colour image of one camera: the streams run at one rate but start and stutter apart.
+
+use std::collections::VecDeque;
+
+/// Images of one stream that wait for their partner, at most. The SDK has 16 buffers a stream and gives no new image while all are held.
+const MAX_WAITING: usize = 6;
+
+/// The streams of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stream {
+    /// Colour.
+    Color,
+    /// Depth.
+    Depth,
+}
+
+/// Images that wait for their partner, oldest first, with their stamps in ns.
+#[derive(Debug)]
+pub struct Pairing<C, D> {
+    color: VecDeque<(i64, C)>,
+    depth: VecDeque<(i64, D)>,
+    /// Farther apart two images are of different moments, ns.
+    max_gap_ns: i64,
+}
+
+impl<C, D> Pairing<C, D> {
+    /// For streams of this rate: partners are less than half an interval apart.
+    pub fn for_rate(rate_hz: f64) -> Self {
+        let waiting = MAX_WAITING + 1;
+        let (color, depth) = (VecDeque::with_capacity(waiting), VecDeque::with_capacity(waiting));
+        Self { color, depth, max_gap_ns: (0.5e9 / rate_hz.max(0.1)) as i64 }
+    }
+
+    /// Takes an image; where too many wait, the oldest is given up.
+    pub fn add_color(&mut self, stamp_ns: i64, image: C) {
+        add(&mut self.color, (stamp_ns, image));
+    }
+
+    /// Takes an image; where too many wait, the oldest is given up.
+    pub fn add_depth(&mut self, stamp_ns: i64, image: D) {
+        add(&mut self.depth, (stamp_ns, image));
+    }
+
+    /// The next two of one moment, with the stamp of colour; or the stream whose next image has to come first.
+    pub fn next(&mut self) -> Result<(i64, C, D), Stream> {
+        loop {
+            let Some(&(color_ns, _)) = self.color.front() else { return Err(Stream::Color) };
+            let Some(&(depth_ns, _)) = self.depth.front() else { return Err(Stream::Depth) };
+            let gap_ns = color_ns.saturating_sub(depth_ns);
+            if gap_ns > self.max_gap_ns {
+                self.depth.pop_front();
+            } else if gap_ns < -self.max_gap_ns {
+                self.color.pop_front();
+            } else if let (Some((stamp_ns, color)), Some((_, depth))) =
+                (self.color.pop_front(), self.depth.pop_front())
+            {
+                return Ok((stamp_ns, color, depth));
+            }
+        }
+    }
+}
+
+fn add<T>(waiting: &mut VecDeque<T>, image: T) {
+    if waiting.len() >= MAX_WAITING {
+        waiting.pop_front();
+    }
+    waiting.push_back(image);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME_NS: i64 = 33_333_333;
+
+    fn pairing() -> Pairing<i64, i64> {
+        Pairing::for_rate(30.0)
+    }
+
+    /// Colour and depth of one number are of one moment, depth a little earlier.
+    fn add(pairing: &mut Pairing<i64, i64>, stream: Stream, number: i64) {
+        match stream {
+            Stream::Color => pairing.add_color(number * FRAME_NS, number),
+            Stream::Depth => pairing.add_depth(number * FRAME_NS - 6_000_000, number),
+        }
+    }
+
+    #[test]
+    fn images_of_one_moment_meet_whichever_comes_first() {
+        for order in [[Stream::Color, Stream::Depth], [Stream::Depth, Stream::Color]] {
+            let mut pairing = pairing();
+            for number in 0..5 {
+                order.into_iter().for_each(|stream| add(&mut pairing, stream, number));
+                assert_eq!(pairing.next(), Ok((number * FRAME_NS, number, number)));
+            }
+            assert_eq!(pairing.next(), Err(Stream::Color));
+        }
+    }
+
+    #[test]
+    fn an_image_whose_partner_was_lost_is_left_out() {
+        let mut pairing = pairing();
+        for number in [0, 2, 3] {
+            add(&mut pairing, Stream::Color, number);
+        }
+        for number in [1, 2, 4] {
+            add(&mut pairing, Stream::Depth, number);
+        }
+        assert_eq!(pairing.next(), Ok((2 * FRAME_NS, 2, 2)));
+        assert_eq!(pairing.next(), Err(Stream::Color), "3 has no partner and will get none");
+        add(&mut pairing, Stream::Color, 4);
+        assert_eq!(pairing.next(), Ok((4 * FRAME_NS, 4, 4)));
+    }
+
+    #[test]
+    fn a_stream_that_starts_later_is_waited_for_with_bounded_memory() {
+        let mut pairing = pairing();
+        (0..100).for_each(|number| add(&mut pairing, Stream::Depth, number));
+        assert_eq!(pairing.next(), Err(Stream::Color));
+        assert_eq!(pairing.depth.len(), MAX_WAITING);
+        add(&mut pairing, Stream::Color, 99);
+        assert_eq!(pairing.next(), Ok((99 * FRAME_NS, 99, 99)));
+    }
+}
