@@ -142,3 +142,30 @@ impl TurnRates {
         rates.reduce(f64::max).map(|max_rad_per_s| TurnRate { max_rad_per_s })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn partners_are_the_nearest_of_both_sides_and_none_is_used_twice() {
+        let partners = |stamps: &[i64], others: &[i64]| nearest_partners(stamps, others, 10);
+        assert_eq!(partners(&[0, 33, 66], &[1, 30, 70]), [Some(0), Some(1), Some(2)]);
+        // A frame was lost on either side.
+        assert_eq!(partners(&[0, 33, 66], &[1, 70]), [Some(0), None, Some(1)]);
+        assert_eq!(partners(&[0, 66], &[1, 30, 70]), [Some(0), Some(2)]);
+        // Two for one: the nearer one has it.
+        assert_eq!(partners(&[0, 6], &[4]), [None, Some(0)]);
+        assert_eq!(partners(&[0], &[11]), [None]);
+        assert_eq!(partners(&[5], &[]), [None]);
+    }
+
+    #[test]
+    fn a_set_needs_every_camera() {
+        let ms = |stamps: &[i64]| stamps.iter().map(|ms| 1_000_000 * ms).collect::<Vec<_>>();
+        let sets = frame_sets(&[ms(&[0, 33, 66, 99]), ms(&[2, 35, 101]), ms(&[1, 34, 67, 100])]);
+        assert_eq!(sets, [ms(&[0, 2, 1]), ms(&[33, 35, 34]), ms(&[99, 101, 100])]);
+        assert!(frame_sets(&[ms(&[0, 33]), ms(&[5000])]).is_empty());
+        assert_eq!(frame_sets(&[ms(&[7])]), [ms(&[7])]);
+    }
+}
