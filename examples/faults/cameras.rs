@@ -7,8 +7,9 @@ use pelical::ipc::{Client, ProgressMessage};
 use pelical::solver::State;
 
 use crate::daemon::Daemon;
+use crate::rig::RATE_HZ;
 use crate::row::{finish, grown};
-use crate::site::{ANSWER, PATIENCE, RATE_HZ, SERIALS, Site, Wishes, wait_for_status};
+use crate::site::{ANSWER, PATIENCE, SERIALS, Site, Wishes, wait_for_status};
 use crate::table::{Seen, time};
 
 /// A camera that is gone is noticed within this, and back within that of its return.
@@ -36,10 +37,12 @@ pub fn converges(site: &Site, faults: Vec<String>) -> Result<Seen> {
     if n_played > 0 {
         let last = daemon.wait_for_lines(&[PLAYED], n_played, PATIENCE)?;
         seen.recovered(complete_set(&mut client, last)?, PATIENCE);
+        // There may have been a result before.
+        client.recalibrate(ANSWER)?;
     }
     let took = converged(&mut client, &daemon)?;
     seen.say(format!("converged after {}", time(took)));
-    let progress = client.next_progress(ANSWER)?.context("no progress")?;
+    let progress = newest(&mut client)?;
     seen.say(format!(
         "{} sets formed, {} refused, {} dropped",
         progress.frame_sets.seen, progress.frame_sets.refused, progress.frame_sets.dropped
@@ -81,8 +84,10 @@ pub fn absences(site: &Site, absences: &[Absence]) -> Result<Seen> {
 
 fn one_absence(site: &Site, absence: &Absence, seen: &mut Seen) -> Result<()> {
     let (camera, gone_for) = (absence.camera, Duration::from_secs_f64(absence.for_s));
-    let fault =
-        format!("serial: {}, fault: {}, at_frame: 15, for_s: {:.1}", SERIALS[camera], absence.fault, absence.for_s);
+    let fault = format!(
+        "serial: {}, fault: {}, at_frame: 15, for_s: {:.1}",
+        SERIALS[camera], absence.fault, absence.for_s
+    );
     let place = site.place(&Wishes { faults: vec![fault], ..Wishes::default() })?;
     let audit = place.audit();
     let mut daemon = place.start()?;
@@ -129,7 +134,10 @@ pub fn hang_in_stop(site: &Site) -> Result<Seen> {
     seen.require(ended.took <= NOTICED, format!("the stop took {}", time(ended.took)));
     seen.require(ended.code == Some(0), format!("exit code {:?}", ended.code));
     seen.require(daemon.panics().is_empty(), format!("{:?}", daemon.panics()));
-    seen.say(format!("SIGTERM ended it after {} with code 0, the hanging thread left to itself", time(ended.took)));
+    seen.say(format!(
+        "SIGTERM ended it after {} with code 0, the hanging thread left to itself",
+        time(ended.took)
+    ));
     Ok(seen)
 }
 
@@ -141,8 +149,12 @@ pub fn none_at_start(site: &Site) -> Result<Seen> {
     let mut daemon = place.start()?;
     let mut client = place.client(PATIENCE)?;
     let gone = daemon.wait_for_lines(&[PLAYED], 3, PATIENCE)?;
-    let (answer, _) = wait_for_status(&mut client, ("without cameras", PATIENCE), |s| s.cameras_streaming == 0)?;
-    seen.say(format!("answers with {} of {} cameras", answer.snapshot.cameras_streaming, answer.snapshot.cameras));
+    let (answer, _) =
+        wait_for_status(&mut client, ("without cameras", PATIENCE), |s| s.cameras_streaming == 0)?;
+    seen.say(format!(
+        "answers with {} of {} cameras",
+        answer.snapshot.cameras_streaming, answer.snapshot.cameras
+    ));
     seen.recovered(complete_set(&mut client, gone + Duration::from_secs(4))?, BACK);
     seen.say(format!("converged after {}", time(converged(&mut client, &daemon)?)));
     finish(&mut daemon, &audit, &mut seen)?;

@@ -69,7 +69,10 @@ pub fn malformed(site: &Site, n_requests: usize) -> Result<Seen> {
     let mut client = place.client(PATIENCE)?;
     let mut random = Random::new(site.seed);
     let refused = send_requests(&place, n_requests, &mut random)?;
-    seen.require(refused == n_requests, format!("{refused} of {n_requests} requests were refused as unreadable"));
+    seen.require(
+        refused == n_requests,
+        format!("{refused} of {n_requests} requests were refused as unreadable"),
+    );
     seen.say(format!("{refused} of {n_requests} requests refused as unreadable, one by one"));
     let answered = send_questions(&place, n_requests / 10, &mut random)?;
     seen.say(format!("{answered} of {} questions for the history answered", n_requests / 10));
@@ -89,7 +92,8 @@ fn service(place: &Place, topic: &str) -> Result<ServiceName> {
 }
 
 fn node() -> Result<iceoryx2::prelude::Node<ipc::Service>> {
-    let built = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<ipc::Service>();
+    let built =
+        NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<ipc::Service>();
     built.map_err(|error| anyhow::anyhow!("{error:?}"))
 }
 
@@ -162,7 +166,8 @@ fn send_questions(place: &Place, n: usize, random: &mut Random) -> Result<usize>
 /// Channels opened with other payloads, and another publisher beside the daemon's: all refused.
 fn take_for_others(place: &Place) -> Result<()> {
     let node = node()?;
-    let control = node.service_builder(&service(place, "control")?).request_response::<u64, [u8; 64]>().open();
+    let control =
+        node.service_builder(&service(place, "control")?).request_response::<u64, [u8; 64]>().open();
     ensure!(control.is_err(), "the control channel was opened with other payloads");
     let topic = node.service_builder(&service(place, "calibration")?).publish_subscribe::<[u64; 9]>().open();
     ensure!(topic.is_err(), "the calibration was opened with another payload");

@@ -63,7 +63,10 @@ fn one_jump(client: &mut Client, seen: &mut Seen) -> Result<()> {
     let after = newest(client)?;
     let (sets, dropped) = grown(&before, &after);
     seen.require(sets >= 8 && dropped == 0, format!("{sets} sets, {dropped} dropped in 2 s"));
-    seen.require(after.latency_ns < 1_000_000_000, format!("latency {}", time(Duration::from_nanos(after.latency_ns))));
+    seen.require(
+        after.latency_ns < 1_000_000_000,
+        format!("latency {}", time(Duration::from_nanos(after.latency_ns))),
+    );
     let outcome = client.rollback(1, ANSWER)?.outcome;
     ensure!(outcome == Outcome::Accepted, "{outcome:?}");
     seen.say(format!("{sets} sets in 2 s, none dropped"));

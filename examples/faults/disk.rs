@@ -60,7 +60,8 @@ pub fn refuses(site: &Site, refusal: &Refusal) -> Result<Seen> {
     seen.say(format!("published; the status says \"{}\"", short(&fault)));
     seen.require(kept(&private, &place) == [1], "what was kept has changed");
     refusal.end(&private, &place)?;
-    let took = wait_until("kept again", KEPT_AGAIN, || Ok(client.status(ANSWER)?.snapshot.store_fault.is_none()))?;
+    let took =
+        wait_until("kept again", KEPT_AGAIN, || Ok(client.status(ANSWER)?.snapshot.store_fault.is_none()))?;
     seen.recovered(took, KEPT_AGAIN);
     seen.require(kept(&private, &place) == [1, 2], format!("kept are {:?}", kept(&private, &place)));
     seen.say("kept once there was room");
@@ -79,7 +80,10 @@ fn restarted(private: &Private, place: &Place, (audit, seen): (&Audit, &mut Seen
     seen.require(is_right, format!("served {:?} {}", served.provenance.id, served.calibration.state.name()));
     let listed = history(&mut client)?;
     seen.require(listed == [2, 1], format!("the history has {listed:?}"));
-    seen.say(format!("kill -9 and a start meanwhile: calibration 2 served after {}, history whole", time(daemon.started.elapsed())));
+    seen.say(format!(
+        "kill -9 and a start meanwhile: calibration 2 served after {}, history whole",
+        time(daemon.started.elapsed())
+    ));
     finish(&mut daemon, audit, seen)
 }
 

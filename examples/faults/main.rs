@@ -14,6 +14,7 @@ mod kills;
 mod memory;
 mod private;
 mod random;
+mod rig;
 mod row;
 mod rows;
 mod site;
@@ -85,12 +86,17 @@ fn main() -> Result<ExitCode> {
 fn built_programs() -> Result<PathBuf> {
     let this = std::env::current_exe()?;
     let folder = this.parent().and_then(|examples| examples.parent()).context("an example in its folder")?;
-    anyhow::ensure!(folder.join("pelicald").exists(), "{}: run `cargo build --release` first", folder.display());
+    anyhow::ensure!(
+        folder.join("pelicald").exists(),
+        "{}: run `cargo build --release` first",
+        folder.display()
+    );
     Ok(folder.to_owned())
 }
 
 fn page(arguments: &Arguments, rows: &[Row]) -> String {
-    let minutes = if arguments.minutes > 0.0 { format!(" --minutes {}", arguments.minutes) } else { String::new() };
+    let minutes =
+        if arguments.minutes > 0.0 { format!(" --minutes {}", arguments.minutes) } else { String::new() };
     format!(
         include_str!("page.md"),
         version = env!("CARGO_PKG_VERSION"),

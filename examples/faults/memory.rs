@@ -24,9 +24,8 @@ pub fn full_at_start(site: &Site) -> Result<Seen> {
     private.fill(Path::new(SHM), 16 << 20)?;
     let mut daemon = Daemon::start(private.inside(&place.command()))?;
     let ended = daemon.wait(PATIENCE)?;
-    let said = daemon.tail();
     seen.require(ended.code == Some(1), format!("exit code {:?}", ended.code));
-    seen.require(said.contains("KiB are needed"), said);
+    daemon.wait_for_lines(&["KiB are needed"], 1, PATIENCE)?;
     seen.say("exit code 1, the log says how much is missing");
     private.free(Path::new(SHM))?;
     let freed = Instant::now();

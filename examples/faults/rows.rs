@@ -20,7 +20,8 @@ pub fn run(site: &Site, arguments: &Arguments) -> Vec<Row> {
     for (fault, expected, attempt) in all.filter(|(name, ..)| wanted(name)) {
         let began = Instant::now();
         eprintln!("{fault} ...");
-        let seen = attempt().unwrap_or_else(|error| Seen { failures: vec![format!("{error:#}")], ..Seen::default() });
+        let seen = attempt()
+            .unwrap_or_else(|error| Seen { failures: vec![format!("{error:#}")], ..Seen::default() });
         let row = Row { fault: fault.to_owned(), expected: expected.to_owned(), seen };
         eprintln!("  {} after {}: {}", row.verdict(), time(began.elapsed()), row.told());
         rows.push(row);

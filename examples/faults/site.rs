@@ -7,22 +7,19 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
-use pelical::capture::recording::Recording;
 use pelical::geometry::motion::Motion;
 use pelical::ipc::{Archived, Client, ClientError, InstanceName, Response, Snapshot, Transport};
 
 use crate::audit::Audit;
 use crate::daemon::Daemon;
+use crate::rig::{self, CAMERAS, SIGMA_INVERSE_DEPTH_PER_M};
 
 /// Longest wait for what must come at some time.
 pub const PATIENCE: Duration = Duration::from_secs(90);
 /// Longest wait for one answer.
 pub const ANSWER: Duration = Duration::from_secs(5);
-/// Cameras of the rig.
-pub const SERIALS: [&str; 3] = ["synthetic-01", "synthetic-02", "synthetic-03"];
-/// Frame sets of the recording, which is played again and again, and how often they come.
-const SETS: u32 = 24;
-pub const RATE_HZ: f64 = 5.0;
+/// Serial numbers of the rig.
+pub const SERIALS: [&str; 3] = [CAMERAS[0].0, CAMERAS[1].0, CAMERAS[2].0];
 
 const FIRST: &str = "calibration-000001.yaml";
 
@@ -31,7 +28,6 @@ pub struct Site {
     folder: tempfile::TempDir,
     programs: PathBuf,
     recording: PathBuf,
-    names: Vec<String>,
     pub truth: Vec<Motion>,
     pub seed: u64,
     next: Cell<u32>,
@@ -67,22 +63,9 @@ impl Site {
     /// Renders the recording; takes seconds.
     pub fn new(programs: PathBuf, seed: u64) -> Result<Self> {
         let folder = tempfile::Builder::new().prefix("flt").tempdir()?;
-        let config = folder.path().join("record.yaml");
-        std::fs::write(
-            &config,
-            format!(
-                "cameras:\n  backend: synthetic\n  synthetic: {{seed: {seed}, pace: unpaced, rate_hz: {RATE_HZ:.1}, view_step: 1.0}}\n"
-            ),
-        )?;
         let recording = folder.path().join("rig");
-        let mut record = Command::new(programs.join("pelical"));
-        record.arg("record").arg(&recording).arg("--config").arg(&config);
-        let output = record.args(["--sets", &SETS.to_string()]).output().context("cannot run pelical")?;
-        ensure!(output.status.success(), "recording: {}", String::from_utf8_lossy(&output.stderr));
-        let opened = Recording::open(&recording)?;
-        let truth = opened.ground_truth()?.context("the recording has no truth")?.reference_from_camera;
-        let names = opened.cameras().iter().map(|camera| camera.name.clone()).collect();
-        Ok(Self { folder, programs, recording, names, truth, seed, next: Cell::new(0), made: OnceCell::new() })
+        let truth = rig::record(&recording, seed)?;
+        Ok(Self { folder, programs, recording, truth, seed, next: Cell::new(0), made: OnceCell::new() })
     }
 
     /// A new place.
@@ -93,8 +76,7 @@ impl Site {
         let state = folder.join("state");
         std::fs::create_dir_all(&state)?;
         let instance: InstanceName = format!("faults-{}-{number}", std::process::id()).parse()?;
-        let transport =
-            if wishes.shared_memory { Transport::SharedMemory } else { Transport::files(&ipc) };
+        let transport = if wishes.shared_memory { Transport::SharedMemory } else { Transport::files(&ipc) };
         let config = folder.join("pelicald.yaml");
         std::fs::write(&config, self.text(wishes, (&instance, &transport)))?;
         let (programs, truth) = (self.programs.clone(), self.truth.clone());
@@ -131,17 +113,17 @@ impl Site {
     fn text(&self, wishes: &Wishes, (instance, transport): (&InstanceName, &Transport)) -> String {
         let ipc = match transport {
             Transport::SharedMemory => "{variant: default}".to_owned(),
-            Transport::Files { directory } => format!("{{variant: file, directory: {}}}", directory.display()),
+            Transport::Files { directory } => {
+                format!("{{variant: file, directory: {}}}", directory.display())
+            }
         };
-        let listed: Vec<String> = (self.names.iter().zip(SERIALS))
-            .map(|(name, serial)| format!("{{name: {name}, serial: {serial}}}"))
-            .collect();
+        let listed = CAMERAS.map(|(serial, name, ..)| format!("{{name: {name}, serial: {serial}}}"));
         let faults: Vec<String> = wishes.faults.iter().map(|fault| format!("{{{fault}}}")).collect();
         format!(
             "instance: {instance}\nipc: {ipc}\ncameras:\n  backend: replay\n  replay: {{recording: {}, loop: true, preload: {}}}\n  \
              list: [{}]\n  faults: {{seed: {}, list: [{}]}}\n\
              sync: {{stalled_after_ms: 700.0, reopen_after_ms: 10000.0, wait_ms: 500.0}}\n\
-             estimate: {{min_new_sets: 10, max_sigma_translation_mm: 2.0}}\nstore: {{directory: state, keep: {}}}\n",
+             lines: {{sigma_inverse_depth_per_m: {SIGMA_INVERSE_DEPTH_PER_M}}}\nestimate: {{min_new_sets: 10}}\nstore: {{directory: state, keep: {}}}\n",
             self.recording.display(),
             !wishes.is_lazy,
             listed.join(", "),
@@ -181,7 +163,8 @@ impl Place {
             match self.try_client() {
                 Ok(client) => return Ok(client),
                 Err(error) if Instant::now() >= until => bail!("no daemon within {limit:?}: {error}"),
-                Err(_) => std::thread::sleep(Duration::from_millis(2)),
+                // A look costs the daemon time of the same processor.
+                Err(_) => std::thread::sleep(Duration::from_millis(5)),
             }
         }
     }

@@ -4,6 +4,7 @@
 //! owns. Everything that can go wrong with a camera is a [`CaptureError`] with a variant for what the caller can do about it.
 
 pub mod frame;
+pub mod nesting;
 pub mod realsense_models;
 pub mod recording;
 pub mod replay;
