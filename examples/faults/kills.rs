@@ -66,18 +66,9 @@ fn one_kill(place: &Place, random: &mut Random, (witness, seen): (&mut Witness, 
         // In the middle of its start.
         std::thread::sleep(random.time_ms(0.5, 400.0));
     } else {
-        let mut client = check_start(place, &daemon, (witness, seen))?;
-        let until = Instant::now() + random.time_ms(1.0, 1500.0);
-        while Instant::now() < until {
-            // By turns the one and the other pose, so that a mix of two files would show.
-            let known = witness.accepted.iter().rev().take(3).map(|(id, _)| *id).chain([1, 2]);
-            let known: Vec<u64> = known.collect();
-            let id = known[random.below(known.len() as u64) as usize];
-            let answer = client.rollback(id, ANSWER)?;
-            if let (Outcome::Accepted, Some(id)) = (answer.outcome, answer.snapshot.calibration_id) {
-                witness.accepted.push((id, Instant::now()));
-            }
-        }
+        let lasts = random.time_ms(1.0, 1500.0);
+        let lived = make_calibrations(place, &daemon, lasts, (random, witness, seen));
+        lived.map_err(|error| error.context(format!("alive: {}; {}", daemon.is_alive(), daemon.tail())))?;
     }
     daemon.kill()?;
     let killed = Instant::now();
@@ -96,6 +87,27 @@ fn one_kill(place: &Place, random: &mut Random, (witness, seen): (&mut Witness, 
     witness.mid_write += usize::from(has_unfinished(place));
     // Their numbers were never on the disk and are given again.
     witness.accepted.retain(|(id, _)| *id <= newest);
+    Ok(())
+}
+
+/// By turns the one and the other pose, so that a mix of two files would show.
+fn make_calibrations(
+    place: &Place,
+    daemon: &Daemon,
+    lasts: Duration,
+    (random, witness, seen): (&mut Random, &mut Witness, &mut Seen),
+) -> Result<()> {
+    let mut client = check_start(place, daemon, (witness, seen))?;
+    let began = Instant::now();
+    while began.elapsed() < lasts {
+        let known: Vec<u64> =
+            witness.accepted.iter().rev().take(3).map(|(id, _)| *id).chain([1, 2]).collect();
+        let id = known[random.below(known.len() as u64) as usize];
+        let answer = client.rollback(id, ANSWER)?;
+        if let (Outcome::Accepted, Some(id)) = (answer.outcome, answer.snapshot.calibration_id) {
+            witness.accepted.push((id, Instant::now()));
+        }
+    }
     Ok(())
 }
 
