@@ -20,8 +20,8 @@ const KEEP: u32 = 12;
 const SETTLED: Duration = Duration::from_secs(1);
 /// From the start of the process to the stored calibration at a client.
 const SERVED_WITHIN: Duration = Duration::from_millis(300);
-/// As above, of a start that cleans up after a killed daemon.
-const SERVED_AFTER_KILL: Duration = Duration::from_secs(3);
+/// As above, of a start that cleans up after a killed daemon; what was half made is cleared away after a second.
+const SERVED_AFTER_KILL: Duration = Duration::from_secs(5);
 
 /// What the campaign has seen of the history.
 struct Witness {

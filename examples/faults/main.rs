@@ -43,9 +43,9 @@ pub struct Arguments {
     /// Length of the soak with random faults, minutes; 0: none.
     #[arg(long, default_value_t = 0.0)]
     pub minutes: f64,
-    /// Only rows whose name has this in it.
+    /// Only rows whose name has this in it; may be given several times.
     #[arg(long)]
-    pub only: Option<String>,
+    pub only: Vec<String>,
     /// Where the table goes; without it, to stdout.
     #[arg(long)]
     pub output: Option<PathBuf>,
