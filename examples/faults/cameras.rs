@@ -45,7 +45,9 @@ pub fn converges(site: &Site, faults: Vec<String>) -> Result<Seen> {
     let progress = newest(&mut client)?;
     seen.say(format!(
         "{} sets formed, {} refused, {} dropped",
-        progress.frame_sets.seen, progress.frame_sets.refused, progress.frame_sets.dropped
+        progress.frame_sets.seen,
+        progress.frame_sets.refused.total(),
+        progress.frame_sets.dropped
     ));
     finish(&mut daemon, &audit, &mut seen)?;
     Ok(seen)

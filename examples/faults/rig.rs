@@ -58,6 +58,7 @@ fn camera((serial, name, at_m, right_deg): &(&str, &str, [f64; 3], f64)) -> Resu
         serial: (*serial).to_owned(),
         camera,
         depth_camera: None,
+        firmware: None,
         depth_unit_m: 0.001,
     };
     let turn = Vector3::y() * right_deg.to_radians();
