@@ -459,7 +459,7 @@ impl Daemon {
             calibration_stamp_ns: self.published.as_ref().map(|message| message.stamp_ns),
             store_fault: self.storing.fault().map(str::to_owned),
             uptime_ns: self.health.uptime_ns(),
-            frame_sets_used: self.progress.frame_sets(&pipeline.counts).used,
+            frame_sets: self.progress.frame_sets(&pipeline.counts),
             cameras: pipeline.cameras.len() as u32,
             cameras_streaming: state::streaming(pipeline) as u32,
         }

@@ -92,7 +92,7 @@ fn snapshot() -> Snapshot {
         calibration_stamp_ns: None,
         store_fault: None,
         uptime_ns: 7,
-        frame_sets_used: 2,
+        frame_sets: FrameSetCounts { used: 2, ..FrameSetCounts::default() },
         cameras: 2,
         cameras_streaming: 2,
     }
