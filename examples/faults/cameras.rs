@@ -43,10 +43,7 @@ pub fn converges(site: &Site, faults: Vec<String>) -> Result<Seen> {
     let took = converged(&mut client, &daemon)?;
     seen.say(format!("converged after {}", time(took)));
     let progress = newest(&mut client)?;
-    seen.say(format!(
-        "{} sets formed, {} refused, {} dropped",
-        progress.frame_sets.seen, progress.frame_sets.refused, progress.frame_sets.dropped
-    ));
+    seen.say(format!("{} sets formed, {} refused", progress.frame_sets.seen, progress.frame_sets.refused));
     finish(&mut daemon, &audit, &mut seen)?;
     Ok(seen)
 }
