@@ -43,12 +43,8 @@ pub fn converges(site: &Site, faults: Vec<String>) -> Result<Seen> {
     let took = converged(&mut client, &daemon)?;
     seen.say(format!("converged after {}", time(took)));
     let progress = newest(&mut client)?;
-    seen.say(format!(
-        "{} sets formed, {} refused, {} dropped",
-        progress.frame_sets.seen,
-        progress.frame_sets.refused.total(),
-        progress.frame_sets.dropped
-    ));
+    let counts = progress.frame_sets;
+    seen.say(format!("{} sets formed, {} refused", counts.seen, counts.refused.total()));
     finish(&mut daemon, &audit, &mut seen)?;
     Ok(seen)
 }

@@ -35,8 +35,13 @@ pub fn judge(daemon: &Daemon, audit: &Audit, seen: &mut Seen) {
     }
 }
 
-/// Sets that were formed and dropped between two messages.
+/// Sets on their way when a message is sent.
+const UNDER_WAY: u64 = 1;
+
+/// Sets that were formed between two messages, and those of them that were lost on the way to their publishing. What a busy estimator does not
+/// take is not among these: it is published all the same.
 pub fn grown(before: &ProgressMessage, after: &ProgressMessage) -> (u64, u64) {
-    let (before, after) = (before.frame_sets, after.frame_sets);
-    (after.seen.saturating_sub(before.seen), after.dropped.saturating_sub(before.dropped))
+    let formed = after.frame_sets.seen.saturating_sub(before.frame_sets.seen);
+    let published = after.sequence.saturating_sub(before.sequence);
+    (formed, formed.saturating_sub(published + UNDER_WAY))
 }

@@ -10,15 +10,16 @@ use crate::site::{SERIALS, Site};
 use crate::table::{Row, Seen, time};
 use crate::{clients, clock, disk, kills, memory, soak};
 
-type Try<'a> = Box<dyn Fn() -> Result<Seen> + 'a>;
+/// Name, expectation, attempt.
+type Planned<'a> = (&'static str, &'static str, Box<dyn Fn() -> Result<Seen> + 'a>);
 
 /// Runs every row that is asked for; what goes wrong fails the row, not the campaign.
 pub fn run(site: &Site, arguments: &Arguments) -> Vec<Row> {
     let only = &arguments.only;
     let wanted = |name: &str| only.is_empty() || only.iter().any(|part| name.contains(part.as_str()));
     let mut rows = Vec::new();
-    let all = camera_rows(site).into_iter().chain(other_rows(site, arguments));
-    for (fault, expected, attempt) in all.filter(|(name, ..)| wanted(name)) {
+    let all = [frame_rows(site), absence_rows(site), place_rows(site), process_rows(site, arguments)];
+    for (fault, expected, attempt) in all.into_iter().flatten().filter(|(name, ..)| wanted(name)) {
         let began = Instant::now();
         eprintln!("{fault} ...");
         let seen = attempt()
@@ -46,7 +47,7 @@ fn away(fault: &'static str) -> Vec<Absence> {
     (0..SERIALS.len()).map(|camera| Absence { fault, camera, for_s: 4.0 }).collect()
 }
 
-fn camera_rows(site: &Site) -> Vec<(&'static str, &'static str, Try<'_>)> {
+fn frame_rows(site: &Site) -> Vec<Planned<'_>> {
     let hour_ms = 3_600_000.0;
     vec![
         ("no fault, for comparison", "converges", Box::new(|| cameras::converges(site, Vec::new()))),
@@ -54,11 +55,6 @@ fn camera_rows(site: &Site) -> Vec<(&'static str, &'static str, Try<'_>)> {
             "frame drops: each frame of each camera lost with a chance of 20 %",
             "incomplete sets are used as they are; converges",
             Box::new(|| cameras::converges(site, every_camera("fault: drop, chance: 0.2"))),
-        ),
-        (
-            "stall: no frame of one camera for 4 s, each camera in turn",
-            "noticed within 2 s, back within 3 s; the others go on, none of their sets is dropped",
-            Box::new(|| cameras::absences(site, &away("stall"))),
         ),
         (
             "late stamps: one camera's stamps 60 ms late for 20 frames",
@@ -100,6 +96,16 @@ fn camera_rows(site: &Site) -> Vec<(&'static str, &'static str, Try<'_>)> {
             "converges",
             Box::new(|| cameras::converges(site, every_camera("fault: half_black, chance: 0.3"))),
         ),
+    ]
+}
+
+fn absence_rows(site: &Site) -> Vec<Planned<'_>> {
+    vec![
+        (
+            "stall: no frame of one camera for 4 s, each camera in turn",
+            "noticed within 2 s, back within 3 s; the others go on, none of their sets is dropped",
+            Box::new(|| cameras::absences(site, &away("stall"))),
+        ),
         (
             "unplug and replug after 4 s, each camera in turn",
             "noticed within 2 s, back within 3 s of its return; the others go on, none of their sets is dropped",
@@ -123,9 +129,8 @@ fn camera_rows(site: &Site) -> Vec<(&'static str, &'static str, Try<'_>)> {
     ]
 }
 
-fn other_rows<'a>(site: &'a Site, arguments: &'a Arguments) -> Vec<(&'static str, &'static str, Try<'a>)> {
-    let kills = arguments.kills;
-    let mut rows: Vec<(&'static str, &'static str, Try<'a>)> = vec![
+fn place_rows(site: &Site) -> Vec<Planned<'_>> {
+    vec![
         (
             "full state directory (a tmpfs of 1 MiB, filled)",
             "published as always, the status says what is not kept; kept within 15 s once there is room; a start meanwhile serves the newest kept",
@@ -147,6 +152,17 @@ fn other_rows<'a>(site: &'a Site, arguments: &'a Arguments) -> Vec<(&'static str
             Box::new(|| memory::full_while_running(site)),
         ),
         (
+            "system clock jumps: 1 h ahead, 2 h back, near 1970, 60 years ahead (the daemon's wall clock, through a preloaded library)",
+            "frames, latency and order of the history do not know; a start in the past serves the newest by number",
+            Box::new(|| clock::wall_clock_jumps(site)),
+        ),
+    ]
+}
+
+fn process_rows<'a>(site: &'a Site, arguments: &'a Arguments) -> Vec<Planned<'a>> {
+    let kills = arguments.kills;
+    let mut rows: Vec<Planned<'a>> = vec![
+        (
             "client flood: 12 clients ask as fast as they can",
             "at least 1,000 requests/s are answered, no set is dropped",
             Box::new(|| clients::flood(site)),
@@ -160,11 +176,6 @@ fn other_rows<'a>(site: &'a Site, arguments: &'a Arguments) -> Vec<(&'static str
             "clients dying mid-request (SIGKILL)",
             "their places are free again, no file stays open",
             Box::new(move || clients::dying(site, if kills < 100 { 10 } else { 60 })),
-        ),
-        (
-            "system clock jumps: 1 h ahead, 2 h back, near 1970, 60 years ahead (the daemon's wall clock, through a preloaded library)",
-            "frames, latency and order of the history do not know; a start in the past serves the newest by number",
-            Box::new(|| clock::wall_clock_jumps(site)),
         ),
         (
             "kill -9 at random moments, clients over files",
