@@ -22,6 +22,7 @@ mod matching;
 mod packaging;
 mod paper;
 mod pipeline;
+mod recovery;
 mod replay;
 mod scripted;
 mod solve;

@@ -18,7 +18,12 @@ fn of_the_sdk(model: u32, coeffs: [f32; 5]) -> sys::rs2_intrinsics {
 
 unsafe extern "C" {
     fn rs2_project_point_to_pixel(pixel: *mut f32, lens: *const sys::rs2_intrinsics, point: *const f32);
-    fn rs2_deproject_pixel_to_point(point: *mut f32, lens: *const sys::rs2_intrinsics, pixel: *const f32, depth: f32);
+    fn rs2_deproject_pixel_to_point(
+        point: *mut f32,
+        lens: *const sys::rs2_intrinsics,
+        pixel: *const f32,
+        depth: f32,
+    );
 }
 
 #[test]
@@ -27,7 +32,8 @@ fn every_supported_lens_projects_and_deprojects_as_the_sdk_does() {
     let pinhole = Pinhole { fx_px, fy_px, cx_px, cy_px };
     for (model, coeffs) in [(0, [0.0; 5]), (1, COEFFS), (2, COEFFS), (4, COEFFS)] {
         let theirs = of_the_sdk(model, coeffs);
-        let ours = camera(&Intrinsics { size_px: SIZE, pinhole, model, coeffs: coeffs.map(f64::from) }).unwrap();
+        let ours =
+            camera(&Intrinsics { size_px: SIZE, pinhole, model, coeffs: coeffs.map(f64::from) }).unwrap();
         for step in 0..300u16 {
             let (x, y) = (f32::from(step % 20) * 33.0, f32::from(step / 20) * 34.0);
             let ray = ours.ray_from_pixel(PixelPoint { x: x.into(), y: y.into() });

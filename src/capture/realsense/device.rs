@@ -66,7 +66,8 @@ pub(super) fn plan(device: &Device, options: &RealsenseOptions) -> Result<Device
     let depth = find(&lists, &video(Rs2StreamKind::Depth, Rs2Format::Z16, options.depth))?;
     let imu = Wanted { kind: Rs2StreamKind::Gyro, format: Rs2Format::MotionXyz32F, mode: None };
     let gyro = options.gyro.then(|| find(&lists, &imu).ok()).flatten();
-    let depth_unit_m = sensors.get(depth.sensor).and_then(|sensor| sensor.options().get_option(Rs2Option::DepthUnits));
+    let depth_unit_m =
+        sensors.get(depth.sensor).and_then(|sensor| sensor.options().get_option(Rs2Option::DepthUnits));
     let info = camera_info(device, (&color.profile, &depth.profile), depth_unit_m)?;
     let rate_hz = f64::from(color.profile.framerate().max(1));
     let found: Vec<Found> = [Some(color), Some(depth), gyro].into_iter().flatten().collect();
@@ -93,7 +94,9 @@ fn find(lists: &[ProfileList], wanted: &Wanted) -> Result<Found, String> {
             let Some(profile) = list.profile(index).filter(|profile| profile.kind() == wanted.kind) else {
                 continue;
             };
-            if profile.format() == wanted.format && wanted.mode.is_none_or(|mode| mode_of(&profile) == Some(mode)) {
+            if profile.format() == wanted.format
+                && wanted.mode.is_none_or(|mode| mode_of(&profile) == Some(mode))
+            {
                 if best.as_ref().is_none_or(|best| profile.framerate() < best.profile.framerate()) {
                     best = Some(Found { sensor, index, profile });
                 }
@@ -130,8 +133,10 @@ fn camera_info(
         return Err("it has no serial number".to_owned());
     }
     let extrinsics = depth.extrinsics(color).map_err(|error| error.to_string())?;
-    let color_from_depth = color_from_depth(extrinsics.rotation(), extrinsics.translation())
-        .ok_or_else(|| format!("its extrinsics from depth to colour are not a rigid motion: {extrinsics:?}"))?;
+    let color_from_depth =
+        color_from_depth(extrinsics.rotation(), extrinsics.translation()).ok_or_else(|| {
+            format!("its extrinsics from depth to colour are not a rigid motion: {extrinsics:?}")
+        })?;
     let depth_unit_m = depth_unit_m.filter(|unit_m| unit_m.is_finite() && *unit_m > 0.0 && *unit_m <= 1.0);
     // The shortest decimal of a single-precision number: 0.001, and not 0.0010000000474974513.
     let depth_unit_m = depth_unit_m.and_then(|unit_m| unit_m.to_string().parse().ok());

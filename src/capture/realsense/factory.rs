@@ -54,7 +54,8 @@ impl Drop for Session {
 impl Session {
     /// Every device that is there now, by serial number; devices in recovery, which have none, are left out.
     pub(super) fn devices(&self) -> Vec<(String, Device)> {
-        let found = self.context.as_ref().map_or_else(Vec::new, |context| context.query_devices(HashSet::new()));
+        let found =
+            self.context.as_ref().map_or_else(Vec::new, |context| context.query_devices(HashSet::new()));
         let mut devices: Vec<(String, Device)> =
             found.into_iter().map(|device| (device::serial(&device), device)).collect();
         devices.retain(|(serial, _)| !serial.is_empty());
@@ -81,7 +82,9 @@ impl RealsenseFactory {
             let recording = Recording::open(path)?;
             let serial = device::serial(&recording.device);
             if recordings.iter().any(|(earlier, _)| *earlier == serial) {
-                let what = format!("is of the camera \"{serial}\", as an earlier recording is: one of each is played");
+                let what = format!(
+                    "is of the camera \"{serial}\", as an earlier recording is: one of each is played"
+                );
                 return Err(CaptureError::bad_data(path, what));
             }
             recordings.push((serial, recording));
@@ -173,7 +176,8 @@ impl Recording {
         // The SDK's own message for a missing file is about its format.
         std::fs::metadata(path).map_err(|source| CaptureError::io(path, source))?;
         let mut context = Context::new().map_err(|error| CaptureError::bad_data(path, error.to_string()))?;
-        let device = context.add_device(path).map_err(|error| CaptureError::bad_data(path, error.to_string()))?;
+        let device =
+            context.add_device(path).map_err(|error| CaptureError::bad_data(path, error.to_string()))?;
         Ok(Self { device, _context: context })
     }
 }
@@ -205,7 +209,8 @@ fn is_slow_usb(version: &str) -> bool {
 /// `realsense-rust` panics at numbers that a newer library knows and it does not: an error of this device, not the end of the program.
 fn guarded<T>(serial: &str, call: impl FnOnce() -> Result<T, CaptureError>) -> Result<T, CaptureError> {
     catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|_| {
-        let what = "the SDK told something that this program does not know: is librealsense much newer than 2.56?";
+        let what =
+            "the SDK told something that this program does not know: is librealsense much newer than 2.56?";
         Err(CaptureError::device(serial, what))
     })
 }
@@ -225,7 +230,9 @@ mod tests {
         let factory = RealsenseFactory::new(RealsenseOptions::default());
         let there = factory.list().expect("an SDK without cameras");
         assert!(there.is_empty(), "these tests expect no camera: {there:?}");
-        assert!(matches!(factory.open("012345"), Err(CaptureError::NotFound { serial, .. }) if serial == "012345"));
+        assert!(
+            matches!(factory.open("012345"), Err(CaptureError::NotFound { serial, .. }) if serial == "012345")
+        );
         assert!(matches!(factory.reset("012345"), Err(CaptureError::NotFound { .. })));
     }
 

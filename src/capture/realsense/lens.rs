@@ -138,10 +138,8 @@ fn rays(camera: &Camera) -> impl Iterator<Item = RayPoint> {
     let (columns, rows) = FIT_GRID;
     let at = |index: u32, n: u32, size_px: u32| f64::from(index) / f64::from(n - 1) * f64::from(size_px - 1);
     (0..rows * columns).map(move |index| {
-        let (x, y) = (
-            at(index % columns, columns, camera.width_px()),
-            at(index / columns, rows, camera.height_px()),
-        );
+        let (x, y) =
+            (at(index % columns, columns, camera.width_px()), at(index / columns, rows, camera.height_px()));
         camera.ray_from_pixel(crate::geometry::PixelPoint { x, y })
     })
 }
@@ -151,8 +149,16 @@ fn terms(RayPoint { x, y }: RayPoint) -> SMatrix<f64, 2, 5> {
     let r2 = x * x + y * y;
     let (r4, xy) = (r2 * r2, 2.0 * x * y);
     SMatrix::<f64, 2, 5>::new(
-        x * r2, x * r4, xy, r2 + 2.0 * x * x, x * r4 * r2, //
-        y * r2, y * r4, r2 + 2.0 * y * y, xy, y * r4 * r2,
+        x * r2,
+        x * r4,
+        xy,
+        r2 + 2.0 * x * x,
+        x * r4 * r2, //
+        y * r2,
+        y * r4,
+        r2 + 2.0 * y * y,
+        xy,
+        y * r4 * r2,
     )
 }
 

@@ -57,7 +57,8 @@ mod tests {
             turning.add(stamp_ns, [0.0, rate, 0.0]);
         }
         assert!(turning.reaches(50) && !turning.reaches(51));
-        let rate = |turning: &mut Turning, frame_ns| turning.until(frame_ns).map(|rate| rate.max_rad_per_s as f32);
+        let rate =
+            |turning: &mut Turning, frame_ns| turning.until(frame_ns).map(|rate| rate.max_rad_per_s as f32);
         assert_eq!(rate(&mut turning, 30), Some(0.5));
         assert_eq!(rate(&mut turning, 45), Some(0.3));
         assert_eq!(rate(&mut turning, 46), None, "nothing was said meanwhile");

@@ -9,6 +9,7 @@ use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSecti
 use super::store::StoreConfig;
 use super::supervision::ReadyWhen;
 use super::watch::OnMoved;
+use crate::capture::realsense::RealsenseOptions;
 use crate::capture::replay::{self, ReplayOptions};
 use crate::capture::scripted::FaultScript;
 use crate::capture::synthetic::SyntheticOptions;
@@ -59,6 +60,8 @@ pub enum BackendConfig {
     Replay(PathBuf, ReplayOptions),
     /// A rendered room.
     Synthetic(SyntheticOptions),
+    /// RealSense cameras.
+    Realsense(RealsenseOptions),
 }
 
 /// One camera of the rig.
@@ -92,8 +95,12 @@ impl TryFrom<&ConfigFile> for Config {
 impl Config {
     /// The same with relative paths read from `folder`, which is the config file's.
     pub fn relative_to(mut self, folder: &Path) -> Self {
-        if let BackendConfig::Replay(recording, _) = &mut self.cameras.backend {
-            *recording = folder.join(&recording);
+        match &mut self.cameras.backend {
+            BackendConfig::Replay(recording, _) => *recording = folder.join(&recording),
+            BackendConfig::Realsense(options) => {
+                options.playback.iter_mut().for_each(|recording| *recording = folder.join(&recording));
+            }
+            BackendConfig::Synthetic(_) => {}
         }
         super::matcher::relative_to(&mut self.pipeline.associate.learned, folder);
         if let Some(directory) = &mut self.store.directory {
@@ -127,6 +134,7 @@ impl TryFrom<&CamerasSection> for CamerasConfig {
                 BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))
             }
             Backend::Synthetic => BackendConfig::Synthetic(synthetic_options(&file.synthetic)?),
+            Backend::Realsense => BackendConfig::Realsense(super::realsense::options(&file.realsense)?),
         };
         let list = file.list.iter().map(choice).collect();
         let faults = super::faults::scripts(&file.faults)?;
