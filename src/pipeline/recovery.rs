@@ -85,13 +85,21 @@ impl ResetTurn {
 /// Looks for capture threads that do not come back from a driver.
 #[derive(Debug, Default)]
 pub struct HangWatch {
+    /// How long one may stand still; `None`: for ever.
+    limit: Option<Duration>,
     /// Turns of each camera's thread and when they were new.
     seen: Vec<(String, u64, Instant)>,
 }
 
 impl HangWatch {
-    /// The first camera's thread that has not moved for `limit`.
-    pub fn look(&mut self, vitals: &Vitals, now: Instant, limit: Duration) -> Option<String> {
+    /// A thread may stand still for so long; `None`: for ever.
+    pub fn new(limit: Option<Duration>) -> Self {
+        Self { limit, seen: Vec::new() }
+    }
+
+    /// The first camera's thread that has not moved for too long.
+    pub fn look(&mut self, vitals: &Vitals, now: Instant) -> Option<String> {
+        let limit = self.limit?;
         let cameras =
             vitals.threads.iter().filter(|thread| thread.name.starts_with("cap-") && !thread.has_ended);
         let before = std::mem::take(&mut self.seen);
@@ -176,15 +184,15 @@ mod tests {
             threads: [("cap-left", left), ("cap-right", right), ("estimate", 1)].map(thread).to_vec(),
             ..Vitals::default()
         };
-        let (mut watch, start, limit) = (HangWatch::default(), Instant::now(), Duration::from_secs(8));
+        let (mut watch, start) = (HangWatch::new(Some(Duration::from_secs(8))), Instant::now());
         let at = |s: u64| start + Duration::from_secs(s);
-        assert_eq!(watch.look(&vitals(1, 1), at(0), limit), None);
-        assert_eq!(watch.look(&vitals(2, 1), at(5), limit), None);
-        assert_eq!(watch.look(&vitals(3, 2), at(7), limit), None, "it came back");
-        assert_eq!(watch.look(&vitals(3, 3), at(12), limit), None);
-        assert_eq!(watch.look(&vitals(3, 4), at(15), limit).as_deref(), Some("cap-left"));
+        assert_eq!(watch.look(&vitals(1, 1), at(0)), None);
+        assert_eq!(watch.look(&vitals(2, 1), at(5)), None);
+        assert_eq!(watch.look(&vitals(3, 2), at(7)), None, "it came back");
+        assert_eq!(watch.look(&vitals(3, 3), at(12)), None);
+        assert_eq!(watch.look(&vitals(3, 4), at(15)).as_deref(), Some("cap-left"));
         let mut ended = vitals(3, 5);
         ended.threads[0].has_ended = true;
-        assert_eq!(watch.look(&ended, at(99), limit), None, "a recording that is over");
+        assert_eq!(watch.look(&ended, at(99)), None, "a recording that is over");
     }
 }

@@ -55,8 +55,7 @@ struct Daemon {
     /// Messages that could not be published since health was told last, and why the last one could not.
     unpublished: (u32, Option<ServerError>),
     supervisor: Supervisor,
-    /// Cameras that hang, and for how long one may.
-    hangs: (HangWatch, Option<Duration>),
+    hangs: HangWatch,
     reloader: Option<(Reloader, LogHandle)>,
 }
 
@@ -204,7 +203,7 @@ impl Daemon {
             keeps_result: false,
             unpublished: (0, None),
             supervisor,
-            hangs: (HangWatch::default(), config.pipeline.recovery.leave_after),
+            hangs: HangWatch::new(config.pipeline.recovery.leave_after),
             reloader,
         }
     }
@@ -227,7 +226,7 @@ impl Daemon {
             self.reload_when_asked();
             if self.supervisor.is_due() {
                 self.be_looked_at(&live.pipeline);
-                if let Some(thread) = self.hanging_camera(&live.pipeline) {
+                if let Some(thread) = self.hangs.look(&live.pipeline.vitals(), Instant::now()) {
                     return End::Hang { thread };
                 }
             }
@@ -263,11 +262,6 @@ impl Daemon {
         let daemon = self.snapshot(&snapshot);
         let standing = Standing { daemon: &daemon, cameras: &snapshot.cameras };
         self.supervisor.look(pipeline.vitals(), &standing);
-    }
-
-    fn hanging_camera(&mut self, pipeline: &Pipeline) -> Option<String> {
-        let (watch, limit) = &mut self.hangs;
-        watch.look(&pipeline.vitals(), Instant::now(), (*limit)?)
     }
 
     fn reload_when_asked(&mut self) {

@@ -25,6 +25,8 @@ const SLICE: Duration = Duration::from_millis(20);
 const GYRO_WAIT: (Duration, Duration) = (Duration::from_millis(4), Duration::from_millis(100));
 /// After so long without frames a camera is asked for on the bus, and so often.
 const SILENCE: Duration = Duration::from_secs(1);
+/// A recording in no hurry loses no image of one stream for want of the other, unless that one says nothing for so long.
+const LOSSLESS_WAIT: Duration = Duration::from_secs(1);
 
 /// A colour image, its domain and arrival.
 type ColorImage = (ColorFrame, StampClock, i64);
@@ -42,6 +44,8 @@ pub(super) struct RealsenseSource {
     alarm: AgeAlarm,
     told_clock: bool,
     last_frame: Instant,
+    /// When a stream that was waited for gave an image last.
+    last_answer: Instant,
 }
 
 /// Where the frames come from; dropped last.
@@ -92,6 +96,7 @@ impl RealsenseSource {
             alarm: AgeAlarm::new(options.late_after),
             told_clock: false,
             last_frame: Instant::now(),
+            last_answer: Instant::now(),
         }
     }
 
@@ -99,10 +104,14 @@ impl RealsenseSource {
     fn wait_for(&mut self, stream: Rs2StreamKind, timeout: Duration) {
         let awaited = self.streams.position(stream);
         if let Some(frame) = awaited.and_then(|at| self.streams.next_frame(at, timeout)) {
+            self.last_answer = Instant::now();
             return self.take(frame);
         }
+        let is_lossless = matches!(&self.origin, Origin::Recorded { pace: Pace::Unpaced, .. })
+            && self.last_answer.elapsed() < LOSSLESS_WAIT;
         for at in (0..self.streams.len()).filter(|&at| Some(at) != awaited) {
-            while let Some(frame) = self.streams.next_frame(at, Duration::ZERO) {
+            while !(is_lossless && self.pairing.is_full()) {
+                let Some(frame) = self.streams.next_frame(at, Duration::ZERO) else { break };
                 self.take(frame);
             }
         }
@@ -240,7 +249,7 @@ impl FrameSource for RealsenseSource {
         (frame.width, frame.height) = (0, 0);
         let until = Instant::now() + timeout;
         loop {
-            let missing = match self.pairing.next() {
+            let missing = match self.pairing.next_pair() {
                 Ok(images) => {
                     self.gather_turns(images.0);
                     let filled = self.fill(frame, images);
