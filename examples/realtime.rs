@@ -80,7 +80,7 @@ fn read_ahead(factory: &dyn DeviceFactory, info: &CameraInfo) -> Result<Arc<[Rgb
 fn run(cameras: Vec<CameraSlot>, duration: Duration) -> Result<()> {
     let (sender, events) = crossbeam_channel::bounded(64);
     // The views jump from frame to frame here; that must not keep the estimator idle.
-    let motion = MotionOptions { max_speed_px_per_s: f64::INFINITY };
+    let motion = MotionOptions { max_turn_rad_per_s: f64::INFINITY };
     let options = PipelineOptions { motion, ..PipelineOptions::default() };
     let pipeline = Pipeline::start(cameras, &options, sender)?;
     let start = Instant::now();

@@ -3,6 +3,7 @@
 //! A back end is a [`DeviceFactory`] that lists and opens devices; an open device is a [`FrameSource`] that one capture thread
 //! owns. Everything that can go wrong with a camera is a [`CaptureError`] with a variant for what the caller can do about it.
 
+mod bag;
 pub mod frame;
 pub mod realsense;
 pub mod realsense_models;

@@ -15,7 +15,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageResult};
 
 use super::recording::{
-    COLOR_FOLDER, DEPTH_FOLDER, FORMAT, GROUND_TRUTH_FILE, RECORDING_FILE, check_cameras,
+    COLOR_FOLDER, DEPTH_FOLDER, FORMAT, GROUND_TRUTH_FILE, RECORDING_FILE, check_cameras, turn_rates,
 };
 use super::{CameraInfo, CaptureError, RgbdFrame, StampNs};
 use crate::geometry::motion::Motion;
@@ -44,6 +44,8 @@ pub struct RecordingWriter {
     color_format: ColorFormat,
     /// Text of `recording.yaml` so far; each frame set adds its line.
     text: String,
+    /// Text of each camera's turn rates so far; empty without a gyro.
+    turn_rates: Vec<String>,
     last_stamps: Option<Vec<StampNs>>,
     last_rewrite: Option<Instant>,
     /// Encoded depth, reused.
@@ -77,6 +79,7 @@ impl RecordingWriter {
             cameras: cameras.to_vec(),
             color_format: ColorFormat::default(),
             text: head_text(cameras, description, source),
+            turn_rates: vec![String::new(); cameras.len()],
             last_stamps: None,
             last_rewrite: None,
             depth_bytes: Vec::new(),
@@ -98,6 +101,11 @@ impl RecordingWriter {
         self.check_set(frames).map_err(|what| CaptureError::bad_data(&self.folder, what))?;
         for camera_idx in 0..frames.len() {
             self.write_images(camera_idx, frames)?;
+        }
+        for (text, frame) in self.turn_rates.iter_mut().zip(frames) {
+            if let Some(rate) = frame.turn_rate {
+                text.push_str(&turn_rates::line(frame.stamp, rate));
+            }
         }
         let stamps: Vec<StampNs> = frames.iter().map(|frame| frame.stamp).collect();
         let row: Vec<String> = stamps.iter().map(|stamp| stamp.0.to_string()).collect();
@@ -146,6 +154,12 @@ impl RecordingWriter {
     }
 
     fn rewrite(&mut self) -> Result<(), CaptureError> {
+        for (camera, lines) in
+            self.cameras.iter().zip(&self.turn_rates).filter(|(_, lines)| !lines.is_empty())
+        {
+            let file = self.folder.join(&camera.name).join(turn_rates::FILE);
+            replace_file(&file, format!("{}\n{lines}", turn_rates::HEADER).as_bytes())?;
+        }
         replace_file(&self.folder.join(RECORDING_FILE), self.text.as_bytes())?;
         self.last_rewrite = Some(Instant::now());
         Ok(())

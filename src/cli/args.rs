@@ -1,11 +1,13 @@
 //! The command lines of both programs. Flags are not config: they say what to do, the config file says how.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::address::Address;
 use super::association_choice::AssociationChoice;
+use crate::capture::CaptureError;
+use crate::capture::recording::Recording;
 
 /// Calibrates the cameras of a robot against each other while it runs, and publishes the result over shared memory.
 #[derive(Debug, Parser)]
@@ -38,6 +40,8 @@ pub enum Command {
     Demo(Output),
     /// Calibrate from a recording, without a daemon.
     Calibrate(CalibrateArgs),
+    /// Play a recording through the live pipeline, as a daemon would see it, until its result or the recording's end.
+    Replay(ReplayArgs),
     /// Calibrate every recording below that has ground_truth.yaml, and print the errors.
     Evaluate(EvaluateArgs),
     /// Solve sets of matched line pairs with the estimators alone, and print poses, errors and times.
@@ -64,6 +68,8 @@ pub enum Command {
     Record(RecordArgs),
     /// List the cameras of a config file's back end.
     Devices(DevicesArgs),
+    /// Check cameras, USB speed, permissions, service and system; say of each finding its cause and its cure. Exit code 1 with a problem.
+    Doctor(DoctorArgs),
     /// The daemon of the demo, in a process of its own.
     #[command(hide = true)]
     DemoDaemon,
@@ -77,13 +83,53 @@ pub struct Output {
     pub json: bool,
 }
 
+/// A recording, by one path or several.
+#[derive(Debug, Clone, Args)]
+pub struct RecordingArgs {
+    /// Folder with recording.yaml; or RealSense .bag files, one per camera or with several devices in one, or a folder with them.
+    #[arg(required = true, value_name = "RECORDING")]
+    pub recording: Vec<PathBuf>,
+}
+
+impl RecordingArgs {
+    /// Opens it.
+    ///
+    /// # Errors
+    /// When it is not usable.
+    pub fn open(&self) -> Result<Recording, CaptureError> {
+        Recording::open_all(&self.recording)
+    }
+
+    /// What it is called by in documents: the first path.
+    pub fn path(&self) -> &Path {
+        self.recording.first().map_or(Path::new(""), PathBuf::as_path)
+    }
+}
+
 /// `calibrate`.
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
-    /// Folder with recording.yaml.
-    #[arg(value_name = "RECORDING")]
-    pub recording: PathBuf,
+    /// What was recorded.
+    #[command(flatten)]
+    pub recording: RecordingArgs,
     /// Config file whose sections `sync`, `lines` and `estimate` are used.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// `replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// What was recorded.
+    #[command(flatten)]
+    pub recording: RecordingArgs,
+    /// Play as fast as the pipeline takes the frame sets, none of which is lost then, instead of at the recorded pace.
+    #[arg(long)]
+    pub fast: bool,
+    /// Config file whose sections `sync`, `lines`, `estimate` and `matcher` are used.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Form of the answer.
@@ -205,9 +251,9 @@ With ground truth each match is judged by geometry: the lifted line, moved by th
 precision = right / (right + wrong), without matches that have too little depth to be judged;
 recall = shared edges matched / shared edges, both counted one-to-one.")]
 pub struct MatchArgs {
-    /// Folder with recording.yaml.
-    #[arg(value_name = "RECORDING")]
-    pub recording: PathBuf,
+    /// What was recorded.
+    #[command(flatten)]
+    pub recording: RecordingArgs,
     /// Only this frame set, from 0; without it all of them.
     #[arg(long, value_name = "N")]
     pub set: Option<usize>,
@@ -231,9 +277,9 @@ pub struct MatchArgs {
 /// `bench`.
 #[derive(Debug, Args)]
 pub struct BenchArgs {
-    /// Folder with recording.yaml; its first 40 frame sets are played from memory, round and round.
-    #[arg(value_name = "RECORDING")]
-    pub recording: PathBuf,
+    /// Its first 40 frame sets are played from memory, round and round.
+    #[command(flatten)]
+    pub recording: RecordingArgs,
     /// How long each of the two parts runs, s.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = duration_s)]
     pub seconds: std::time::Duration,
@@ -369,6 +415,20 @@ pub struct DevicesArgs {
     pub output: Output,
 }
 
+/// `doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArgs {
+    /// Config file; without it, that of the installed service, else the defaults.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Look at the files of a system below this folder, such as a mounted image, instead of those of the running one.
+    #[arg(long, value_name = "DIR")]
+    pub root: Option<PathBuf>,
+    /// Form of the answer.
+    #[command(flatten)]
+    pub output: Output,
+}
+
 #[cfg(test)]
 mod tests {
     use clap::{CommandFactory, Parser};
@@ -387,6 +447,8 @@ mod tests {
             vec!["pelical", "--instance", "a b", "status"],
             vec!["pelical", "--ipc-directory", "relative", "status"],
             vec!["pelical", "evaluate"],
+            vec!["pelical", "calibrate"],
+            vec!["pelical", "replay"],
             vec!["pelical", "evaluate", "folder", "--paper"],
             vec!["pelical", "evaluate", "folder", "--seeds", "3"],
             vec!["pelical", "evaluate", "--seeds", "3"],

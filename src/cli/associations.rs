@@ -46,9 +46,9 @@ fn evaluate(
 ) -> Result<Evaluated, CliError> {
     let mut options = options.clone();
     options.associate.association = choice.into();
-    let calibration = calibrate(folder, &options)?;
+    let recording = Recording::open(folder)?;
+    let calibration = calibrate(&recording, &options)?;
     let needed = if calibration.is_converged() {
-        let recording = Recording::open(folder)?;
         let mut sets = RecordedSets::new(&recording);
         let rig = sets.rig();
         first_converged(&mut sets, &rig, &options)?

@@ -1,7 +1,5 @@
 //! `pelical calibrate`: one recording through the offline pipeline. The estimator never sees the ground truth.
 
-use std::path::Path;
-
 use super::args::CalibrateArgs;
 use super::error::CliError;
 use super::exit::Exit;
@@ -20,7 +18,7 @@ use crate::service::config;
 /// When the config or the recording is not usable.
 pub fn run(args: &CalibrateArgs) -> Result<Exit, CliError> {
     let options = config::load_or_default(args.config.as_deref())?.pipeline;
-    let document = calibrate(&args.recording, &options)?;
+    let document = calibrate(&args.recording.open()?, &options)?;
     if args.output.json {
         output::print_json(&document)?;
     } else {
@@ -32,15 +30,18 @@ pub fn run(args: &CalibrateArgs) -> Result<Exit, CliError> {
 /// Calibrates from one recording; with truth when it lies beside.
 ///
 /// # Errors
-/// When the recording or its ground truth is not usable.
-pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<CalibrationDocument, CliError> {
-    let recording = Recording::open(folder)?;
+/// When a frame or the ground truth is not usable.
+pub fn calibrate(recording: &Recording, options: &PipelineOptions) -> Result<CalibrationDocument, CliError> {
     let truth = recording.ground_truth()?;
-    let run = run_offline(&recording, options)?;
+    let run = run_offline(recording, options)?;
     let cameras: Vec<CameraIdentity> = recording
         .cameras()
         .iter()
-        .map(|info| CameraIdentity { name: info.name.clone(), serial: info.serial.clone(), firmware: None })
+        .map(|info| CameraIdentity {
+            name: info.name.clone(),
+            serial: info.serial.clone(),
+            firmware: info.firmware.clone(),
+        })
         .collect();
     let counts = run.frame_sets;
     let time = run.timing_ms;
@@ -50,8 +51,10 @@ pub fn calibrate(folder: &Path, options: &PipelineOptions) -> Result<Calibration
         frame_sets: FrameSets {
             seen: counts.seen as u64,
             used: counts.used as u64,
-            refused: counts.refused as u64,
+            refused: counts.refused.total() as u64,
+            refused_for: Some(counts.refused.into()),
         },
+        pair_skews: &run.pair_skews,
         timing_ms: TimingMs {
             detect: Some(time.detect),
             lift: Some(time.lift),

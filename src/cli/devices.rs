@@ -22,6 +22,7 @@ struct DeviceEntry {
     width_px: u32,
     height_px: u32,
     depth_unit_m: f64,
+    firmware: Option<String>,
 }
 
 /// Lists the cameras.
@@ -38,10 +39,11 @@ pub fn run(args: &DevicesArgs) -> Result<(), CliError> {
     }
     let row = |device: &DeviceEntry| {
         let size = format!("{} x {}", device.width_px, device.height_px);
-        vec![device.name.clone(), device.serial.clone(), size, factory.name().to_owned()]
+        let firmware = device.firmware.clone().unwrap_or_else(|| "-".to_owned());
+        vec![device.name.clone(), device.serial.clone(), firmware, size, factory.name().to_owned()]
     };
     let rows: Vec<_> = devices.iter().map(row).collect();
-    output::print_text(&output::text::table(&["camera", "serial", "size px", "back end"], &rows))
+    output::print_text(&output::text::table(&["camera", "serial", "firmware", "size px", "back end"], &rows))
 }
 
 impl From<&CameraInfo> for DeviceEntry {
@@ -52,6 +54,7 @@ impl From<&CameraInfo> for DeviceEntry {
             width_px: info.camera.width_px(),
             height_px: info.camera.height_px(),
             depth_unit_m: info.depth_unit_m,
+            firmware: info.firmware.clone(),
         }
     }
 }

@@ -14,7 +14,7 @@ use super::output;
 use super::output::document::{EvaluatedRecording, EvaluationDocument};
 use super::paper;
 use super::talk::say;
-use crate::capture::recording::{GROUND_TRUTH_FILE, RECORDING_FILE};
+use crate::capture::recording::{GROUND_TRUTH_FILE, RECORDING_FILE, Recording, is_recording};
 use crate::service::config;
 
 /// A converged result further from the truth than this is wrong, deg.
@@ -41,7 +41,7 @@ pub fn run(args: &EvaluateArgs) -> Result<Exit, CliError> {
     let mut known = BTreeSet::new();
     folders.retain(|folder| known.insert(folder.canonicalize().unwrap_or_else(|_| folder.clone())));
     if folders.is_empty() {
-        let what = format!("no folder below holds {RECORDING_FILE} and {GROUND_TRUTH_FILE}");
+        let what = format!("no folder below holds a recording and {GROUND_TRUTH_FILE}");
         return Err(CliError::BadInput(what));
     }
     if !args.association.is_empty() {
@@ -50,7 +50,7 @@ pub fn run(args: &EvaluateArgs) -> Result<Exit, CliError> {
     let (mut recordings, mut bad) = (Vec::new(), 0);
     for (index, folder) in folders.iter().enumerate() {
         say(format_args!("{} of {}: {}", index + 1, folders.len(), folder.display()));
-        match calibrate(folder, &options) {
+        match Recording::open(folder).map_err(CliError::from).and_then(|it| calibrate(&it, &options)) {
             Ok(calibration) => {
                 recordings.push(EvaluatedRecording { path: folder.display().to_string(), calibration });
             }
@@ -86,16 +86,16 @@ fn evaluation(recordings: Vec<EvaluatedRecording>) -> EvaluationDocument {
 /// Folders with a recording and its truth, at any depth. What lies inside a recording is not searched; a link is
 /// followed only to a recording, so that a loop of links cannot catch the search.
 fn find_recordings(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
-    if folder.join(RECORDING_FILE).is_file() {
-        if folder.join(GROUND_TRUTH_FILE).is_file() {
-            found.push(folder.to_owned());
-        }
+    let is_usable = folder.join(GROUND_TRUTH_FILE).is_file() && is_recording(folder);
+    if is_usable {
+        found.push(folder.to_owned());
+    }
+    if is_usable || folder.join(RECORDING_FILE).is_file() {
         return Ok(());
     }
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
-        let is_link_to_recording = || entry.path().join(RECORDING_FILE).is_file();
-        if entry.file_type()?.is_dir() || is_link_to_recording() {
+        if entry.file_type()?.is_dir() || is_recording(&entry.path()) {
             find_recordings(&entry.path(), found)?;
         }
     }

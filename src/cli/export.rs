@@ -60,7 +60,8 @@ pub fn document(message: &CalibrationMessage) -> CalibrationDocument {
     CalibrationDocument::new(&Findings {
         cameras: &message.cameras,
         calibration: &message.calibration,
-        frame_sets: FrameSets { seen: used, used, refused: 0 },
+        frame_sets: FrameSets { seen: used, used, ..FrameSets::default() },
+        pair_skews: &[],
         timing_ms: TimingMs::default(),
         truth: None,
         provenance: Some(ProvenanceEntry::new(message, now_ns())),

@@ -9,10 +9,12 @@ mod calibrate;
 mod canvas;
 mod demo;
 mod devices;
+mod doctor;
 mod error;
 mod evaluate;
 pub mod exit;
 mod export;
+mod gate;
 mod history;
 mod interrupt;
 mod matching;
@@ -22,6 +24,7 @@ mod pairs_file;
 mod paper;
 mod progress;
 mod record;
+mod replay;
 mod solve;
 pub mod talk;
 mod watch;
@@ -49,8 +52,10 @@ fn dispatch(daemon: &Address, command: &Command) -> Result<Exit, CliError> {
         Command::Solve(args) => solve::run(args),
         Command::Match(args) => matching::run(args).map(|()| Exit::Done),
         Command::Bench(args) => bench::run(args),
+        Command::Replay(args) => replay::run(args),
         Command::Record(args) => record::run(args).map(|()| Exit::Done),
         Command::Devices(args) => devices::run(args).map(|()| Exit::Done),
+        Command::Doctor(args) => doctor::run(daemon, args),
         Command::Status(output) => online::status(daemon, *output),
         Command::Watch(output) => watch::run(daemon, *output),
         Command::Recalibrate(args) => online::recalibrate(daemon, args),

@@ -183,8 +183,10 @@ impl Verdict {
             frame_sets: FrameSets {
                 seen: counts.seen,
                 used: message.calibration.frame_sets_used as u64,
-                refused: counts.refused,
+                refused: counts.refused.total(),
+                refused_for: self.progress.is_some().then(|| counts.refused.into()),
             },
+            pair_skews: &[],
             timing_ms: self.timing_ms,
             truth,
             provenance: Some(ProvenanceEntry::new(message, now_ns())),

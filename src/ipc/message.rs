@@ -9,7 +9,7 @@ pub struct CameraIdentity {
     pub name: String,
     /// Serial number, at most 32 bytes; empty where the back end has none.
     pub serial: String,
-    /// Firmware version, at most 32 bytes; `None` where the back end does not tell it.
+    /// Firmware version, of which 32 bytes are told; `None` where the back end does not tell it.
     pub firmware: Option<String>,
 }
 
@@ -64,6 +64,8 @@ pub struct ProgressMessage {
     pub best_pair: Option<BestPair>,
     /// How far apart the frames of a set are.
     pub skew: Skew,
+    /// How fast the rig turns; `None` where nothing tells.
+    pub turning: Option<Turning>,
 }
 
 /// What became of the frame sets since collecting began.
@@ -73,10 +75,53 @@ pub struct FrameSetCounts {
     pub seen: u64,
     /// Taken as evidence.
     pub used: u64,
-    /// Refused: skew or motion beyond the limit, or nothing new in them.
-    pub refused: u64,
+    /// Refused, by reason.
+    pub refused: RefusedCounts,
     /// Lost because a stage was busy.
     pub dropped: u64,
+}
+
+/// Why frame sets were refused.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RefusedCounts {
+    /// Skew beyond the limit.
+    pub skew: u64,
+    /// A gyro said that the rig turned faster than the limit.
+    pub gyro: u64,
+    /// An image moved as fast as that.
+    pub image: u64,
+    /// Nothing new in them.
+    pub repeated: u64,
+}
+
+impl RefusedCounts {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        [self.skew, self.gyro, self.image, self.repeated].into_iter().fold(0, u64::saturating_add)
+    }
+}
+
+/// How fast the rig turned when the newest frame set was taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turning {
+    /// That of the camera with the largest rate, rad/s.
+    pub rad_per_s: f64,
+    /// What tells it.
+    pub sense: TurnSense,
+}
+
+/// What tells how fast a rig turns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TurnSense {
+    /// A gyro.
+    Gyro,
+    /// How far an image moved.
+    Image,
+}
+
+impl TurnSense {
+    /// Both, in the order of the wire format.
+    pub const ALL: [TurnSense; 2] = [TurnSense::Gyro, TurnSense::Image];
 }
 
 /// Lines of one camera in one frame.
@@ -121,6 +166,8 @@ pub struct HealthMessage {
     pub cameras: Vec<CameraHealth>,
     /// One per stage of the pipeline, at most 8.
     pub stages: Vec<StageLatency>,
+    /// One per pair of cameras.
+    pub pair_skews: Vec<PairSkew>,
 }
 
 /// How one camera is.
@@ -192,4 +239,23 @@ pub struct StageLatency {
     pub p99_ns: u64,
     /// All runs since the start together, ns.
     pub total_ns: u64,
+}
+
+/// How far apart the frames of two cameras are, since the daemon started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PairSkew {
+    /// Indices of two cameras, the first before the second.
+    pub cameras: (usize, usize),
+    /// Frame sets that both are in.
+    pub sets: u64,
+    /// Half of these were not further apart, ns.
+    pub p50_ns: u64,
+    /// 99 of 100 were not further apart, ns.
+    pub p99_ns: u64,
+    /// The largest, ns.
+    pub max_ns: u64,
+    /// How often the nearest frames were further apart than the limit.
+    pub beyond: u64,
+    /// How far apart they were the last time, ns; 0 before the first.
+    pub last_beyond_ns: u64,
 }

@@ -20,10 +20,11 @@ pub mod wire;
 pub use client::{Client, ClientError};
 pub use message::{
     BestPair, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameSetCounts,
-    HealthMessage, ProgressMessage, Provenance, Skew, StageLatency,
+    HealthMessage, PairSkew, ProgressMessage, Provenance, RefusedCounts, Skew, StageLatency, TurnSense,
+    Turning,
 };
 pub use names::{InstanceName, InstanceNameError};
 pub use request::{Activity, Archived, Outcome, RefusalCode, Request, RequestKind, Response, Snapshot};
 pub use server::{Server, ServerError};
-pub use transport::Transport;
+pub use transport::{MIN_ROOM_BYTES, Transport};
 pub use wire::{MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, MAX_SENTENCE_BYTES, MAX_STAGES, WireError};

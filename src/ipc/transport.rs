@@ -23,7 +23,7 @@ const ROOT: &str = "ipc";
 pub const MAX_DIRECTORY_BYTES: usize = 48;
 /// What a daemon and a few clients need once every place for a message has been used (26 MB, half of it for answers with older
 /// calibrations; 1 MB before), with some to spare.
-const ROOM_BYTES: u64 = 32 << 20;
+pub const MIN_ROOM_BYTES: u64 = 32 << 20;
 
 /// Through what daemon and clients meet.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -104,7 +104,7 @@ impl Transport {
         // Where this cannot be found out, nothing is said.
         let Ok(found) = rustix::fs::statvfs(&place) else { return Ok(()) };
         let free = found.f_bavail.saturating_mul(found.f_frsize);
-        if free < ROOM_BYTES { Err(Failure::NoRoom { free, needed: ROOM_BYTES }) } else { Ok(()) }
+        if free < MIN_ROOM_BYTES { Err(Failure::NoRoom { free, needed: MIN_ROOM_BYTES }) } else { Ok(()) }
     }
 
     /// The client's side: makes nothing, and tells a missing daemon from a closed door.

@@ -2,13 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use crate::capture::{RgbdFrame, StampNs};
+use crate::capture::{RgbdFrame, StampNs, TurnRate};
 use crate::geometry::{Camera, CameraView};
 use crate::image::GrayView;
 use crate::lines::LineDescriptor;
 
 use super::MAX_CAMERAS;
-use super::motion::Thumbnail;
+use super::motion::flow::Thumbnail;
 
 /// Room for lines and surface samples that a busy 640 x 480 image needs; more would allocate once.
 const LINES_RESERVED: usize = 1024;
@@ -78,6 +78,7 @@ pub(super) struct LineSlot {
     pub(super) camera: usize,
     pub(super) intrinsics: Option<Camera>,
     pub(super) stamp: StampNs,
+    pub(super) turn_rate: Option<TurnRate>,
     pub(super) set: SetHeader,
 }
 
@@ -90,7 +91,7 @@ impl LineSlot {
         let looks = Vec::with_capacity(LINES_RESERVED);
         let found = FoundLines { view, looks, ..FoundLines::default() };
         let stamp = StampNs::default();
-        Self { found, camera: 0, intrinsics: None, stamp, set: SetHeader::empty(now) }
+        Self { found, camera: 0, intrinsics: None, stamp, turn_rate: None, set: SetHeader::empty(now) }
     }
 }
 

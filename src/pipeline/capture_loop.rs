@@ -120,6 +120,7 @@ impl CaptureLoop {
     fn stream(&mut self, source: &mut dyn FrameSource) -> StreamEnd {
         let intrinsics = source.info().camera;
         self.size_buffers(&intrinsics);
+        self.shared.cameras[self.camera].set_firmware(source.info().firmware.clone());
         self.shared.cameras[self.camera].note_frame(self.shared.since_start());
         self.shared.change_camera(self.camera, CameraState::Streaming, "");
         let mut stream = Stream { shared: &self.shared, camera: self.camera, intrinsics, sequence: None };

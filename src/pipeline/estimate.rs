@@ -274,8 +274,8 @@ impl EstimateStage {
                     self.watching.begin(cameras, &calibration, round);
                 }
             }
-            let Evidence { newest_stamp, seen: sets_seen, .. } = self.evidence;
-            let solved = Solved { calibration, newest_stamp, sets_seen, took, round };
+            let Evidence { newest_stamp, seen: sets_seen, accepted: sets_accepted, .. } = self.evidence;
+            let solved = Solved { calibration, newest_stamp, sets_seen, sets_accepted, took, round };
             self.shared.tell_surely(PipelineEvent::Calibration(Box::new(solved)));
         }
     }

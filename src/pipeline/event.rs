@@ -6,6 +6,7 @@ use crate::capture::StampNs;
 use crate::solver::{RigCalibration, WatchReport};
 
 use super::MAX_CAMERAS;
+use super::motion::Turn;
 use super::stats::Counts;
 
 /// What can be asked of a running pipeline.
@@ -105,8 +106,8 @@ pub struct Progress {
     pub latency: Duration,
     /// Distance between the oldest and newest stamp of the set.
     pub skew: Duration,
-    /// Speed of the fastest image of the set, px/s, where it could be told.
-    pub speed_px_per_s: Option<f64>,
+    /// How fast the rig turned, where it could be told.
+    pub turn: Option<Turn>,
     /// By camera; only the first ones exist.
     pub cameras: [CameraProgress; MAX_CAMERAS],
     /// What the estimator is doing.
@@ -124,6 +125,8 @@ pub struct Solved {
     pub newest_stamp: StampNs,
     /// Frame sets offered to the estimator since it began collecting, repeated ones included.
     pub sets_seen: u64,
+    /// Of these, the ones that brought new evidence; when no more have come since, this solution is the last word.
+    pub sets_accepted: u64,
     /// Time the solution took.
     pub took: Duration,
     /// Which round of collecting it belongs to; see [`super::Pipeline::round`].

@@ -9,7 +9,7 @@ use crate::image::{GrayView, RgbView, gray_from_rgb};
 use crate::lines::{Describer, Detector, Lifter, sample_surface};
 
 use super::buffers::FoundLines;
-use super::motion::Thumbnail;
+use super::motion::flow::Thumbnail;
 use super::options::PipelineOptions;
 
 /// Finds the lines of a frame; another one can be put into the pipeline, in tests for example.

@@ -40,7 +40,7 @@ impl Stage for LineStage {
             self.shared.latencies.lift.record(times.lift + times.describe);
         }
         (lines.camera, lines.intrinsics) = (job.camera, job.intrinsics);
-        (lines.stamp, lines.set) = (job.frame.stamp, job.set);
+        (lines.stamp, lines.turn_rate, lines.set) = (job.frame.stamp, job.frame.turn_rate, job.set);
         queues.recycle_frame(job);
         // The queue has room for all frames of all sets in flight.
         drop(queues.done.push(lines));

@@ -59,6 +59,18 @@ pub struct MatchCounters {
     pub nearest_refused_ns: u64,
 }
 
+/// A frame without a partner near enough.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BeyondLimit {
+    /// Its camera, and the one with the frame nearest to it.
+    pub cameras: (usize, usize),
+    /// How far apart the two frames are, ns.
+    pub gap_ns: u64,
+}
+
+/// Frames without a partner that are remembered until they are asked for.
+const MAX_BEYOND: usize = 64;
+
 /// Collects frames per camera and forms sets.
 #[derive(Debug)]
 pub struct Matcher<T> {
@@ -69,6 +81,10 @@ pub struct Matcher<T> {
     newest_seen: Vec<Option<StampNs>>,
     /// Cameras that lost a frame to the skew limit since the last set or refusal.
     lonely: u32,
+    /// Frames without a partner in a row, per camera.
+    lost_in_a_row: Vec<u32>,
+    /// Frames that found no partner since [`Matcher::drain_beyond`] was called last; what has no room is not told.
+    beyond: Vec<BeyondLimit>,
     counters: MatchCounters,
 }
 
@@ -83,6 +99,8 @@ impl<T> Matcher<T> {
             last_taken: vec![None; n_cameras],
             newest_seen: vec![None; n_cameras],
             lonely: 0,
+            lost_in_a_row: vec![0; n_cameras],
+            beyond: Vec::with_capacity(MAX_BEYOND),
             counters: MatchCounters::default(),
         }
     }
@@ -90,6 +108,11 @@ impl<T> Matcher<T> {
     /// What was not used so far.
     pub fn counters(&self) -> MatchCounters {
         self.counters
+    }
+
+    /// The frames that found no partner since this was called last.
+    pub fn drain_beyond(&mut self) -> impl Iterator<Item = BeyondLimit> {
+        self.beyond.drain(..)
     }
 
     /// Takes a frame; those that will not be used go to `recycle`.
@@ -185,6 +208,7 @@ impl<T> Matcher<T> {
         self.head(camera).filter(|stamp| *stamp <= newest)?;
         let frame = self.queues[camera].pop_front()?;
         self.last_taken[camera] = Some(frame.stamp);
+        self.lost_in_a_row[camera] = 0;
         Some(frame)
     }
 
@@ -194,6 +218,7 @@ impl<T> Matcher<T> {
         let others = (0..self.queues.len()).filter(|&other| other != camera);
         let Some(nearest) = others.filter_map(|other| self.head(other)).min() else { return };
         let gap_ns = nearest.0.abs_diff(stamp.0);
+        self.note_beyond(camera, stamp);
         let is_first_of_round = self.lonely == 0;
         self.counters.nearest_refused_ns =
             if is_first_of_round { gap_ns } else { gap_ns.min(self.counters.nearest_refused_ns) };
@@ -202,6 +227,23 @@ impl<T> Matcher<T> {
         if self.lonely & expected_mask == expected_mask {
             self.counters.refused_sets += 1;
             self.lonely = 0;
+        }
+    }
+
+    /// Tells a frame without a partner, unless it is the first in a row: another camera's lost frame leaves one, and a faster camera
+    /// has them between its matched ones.
+    fn note_beyond(&mut self, camera: usize, stamp: StampNs) {
+        self.lost_in_a_row[camera] += 1;
+        if self.lost_in_a_row[camera] < 2 || self.beyond.len() >= MAX_BEYOND {
+            return;
+        }
+        let others = (0..self.queues.len()).filter(|&other| other != camera);
+        let near = others.flat_map(|other| {
+            let around = [self.head(other), self.last_taken[other]];
+            around.into_iter().flatten().map(move |near| (near.0.abs_diff(stamp.0), other))
+        });
+        if let Some((gap_ns, other)) = near.min() {
+            self.beyond.push(BeyondLimit { cameras: (camera, other), gap_ns });
         }
     }
 

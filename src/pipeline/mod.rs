@@ -33,6 +33,7 @@ mod pulse;
 mod queues;
 pub mod recovery;
 mod shared;
+pub mod skew;
 mod stage;
 pub mod stats;
 mod sync;
@@ -56,10 +57,11 @@ pub use event::{
     Answer, CameraProgress, CameraState, Command, Phase, PipelineEvent, Progress, Solved, Watched,
 };
 pub use finder::{FindTimes, LineFinder, SegmentLineFinder};
-pub use motion::MotionOptions;
+pub use motion::{MotionOptions, Turn, TurnSense};
 pub use options::{PipelineOptions, SolveOptions, StartError, SyncOptions};
 pub use pulse::{ThreadVitals, Vitals};
 pub use recovery::RecoveryOptions;
+pub use skew::PairSkew;
 pub use stats::{Counts, LatencySummaries, LatencySummary};
 
 use capture_loop::CaptureLoop;
@@ -133,6 +135,8 @@ pub struct CameraSnapshot {
     pub dropped: u64,
     /// Since the last frame; `None` before the first.
     pub last_frame_age: Option<Duration>,
+    /// What the device said of its firmware when it was opened last; `None` before, or where it does not say.
+    pub firmware: Option<String>,
 }
 
 /// The pipeline at one moment; by default one that has no camera.
@@ -146,6 +150,8 @@ pub struct Snapshot {
     pub counts: Counts,
     /// All latencies.
     pub latencies: LatencySummaries,
+    /// How far apart the frames of each two cameras are.
+    pub pair_skews: Vec<PairSkew>,
 }
 
 impl Pipeline {
@@ -246,12 +252,14 @@ impl Pipeline {
             dropped: camera.dropped.get(),
             last_frame_age: (camera.frames.get() > 0)
                 .then(|| self.shared.since_start().saturating_sub(camera.last_frame())),
+            firmware: camera.firmware(),
         });
         Snapshot {
             cameras: cameras.collect(),
             phase: self.shared.phase.phase(),
             counts: self.shared.counters.counts(),
             latencies: self.shared.latencies.summaries(),
+            pair_skews: self.shared.skews.pairs(),
         }
     }
 

@@ -10,8 +10,9 @@ use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator,
 use super::associate::{self, MatchSource, SeenLines};
 use super::buffers::FoundLines;
 use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
-use super::motion::{Glimpse, image_speed_px_per_s};
+use super::motion::{MotionTest, SeenFrame, TurnSense};
 use super::options::PipelineOptions;
+use super::skew::{PairSkew, SkewBook};
 
 /// Frame sets one after the other.
 pub trait FrameSetReader {
@@ -69,8 +70,28 @@ pub struct SetCounts {
     pub seen: usize,
     /// Given to the estimator.
     pub used: usize,
-    /// Not used: stamps too far apart, taken in fast motion, or fewer than two frames in it.
-    pub refused: usize,
+    /// Not used, by reason.
+    pub refused: RefusedSets,
+}
+
+/// Why frame sets were not used: for each the first reason that applies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RefusedSets {
+    /// Fewer than two frames in it.
+    pub incomplete: usize,
+    /// Stamps too far apart.
+    pub skew: usize,
+    /// A gyro said that the rig turned fast.
+    pub gyro: usize,
+    /// An image moved fast.
+    pub image: usize,
+}
+
+impl RefusedSets {
+    /// All of them.
+    pub fn total(&self) -> usize {
+        self.incomplete + self.skew + self.gyro + self.image
+    }
 }
 
 /// Where the time went, ms in total over the run; detection and lifting are summed over threads.
@@ -97,6 +118,8 @@ pub struct OfflineRun {
     pub timing_ms: TimingMs,
     /// What became of the frame sets.
     pub frame_sets: SetCounts,
+    /// How far apart the frames of each two cameras are, in all sets.
+    pub pair_skews: Vec<PairSkew>,
     /// Lines found per camera, in all sets.
     pub lines: Vec<u64>,
     /// What had to be done without, in a sentence for the user.
@@ -132,8 +155,8 @@ pub fn run_offline(
         total: ms(start.elapsed()),
     };
     let lines = run.cameras.iter().map(|camera| camera.n_lines).collect();
-    let complaint = run.source.complaint();
-    Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, lines, complaint })
+    let (complaint, pair_skews) = (run.source.complaint(), run.skews.pairs());
+    Ok(OfflineRun { calibration, timing_ms, frame_sets: run.counts, pair_skews, lines, complaint })
 }
 
 /// When a growing number of frame sets was enough for the first time.
@@ -181,7 +204,6 @@ struct CameraRun {
     finder: SegmentLineFinder,
     found: FoundLines,
     times: FindTimes,
-    last_glimpse: Option<Glimpse>,
     n_lines: u64,
 }
 
@@ -193,13 +215,6 @@ impl CameraRun {
             self.n_lines += self.found.view.lines.len() as u64;
         }
     }
-
-    /// Speed of the image since this camera's frame before, px/s.
-    fn speed(&mut self, frame: &RgbdFrame) -> Option<f64> {
-        let now = Glimpse { stamp: frame.stamp, thumbnail: self.found.thumbnail };
-        let before = self.last_glimpse.replace(now)?;
-        image_speed_px_per_s(&before, &now)
-    }
 }
 
 struct Run {
@@ -209,6 +224,8 @@ struct Run {
     source: Box<dyn MatchSource>,
     estimator: RigEstimator,
     views: Vec<Option<CameraView>>,
+    motion: MotionTest,
+    skews: SkewBook,
     counts: SetCounts,
     times: FindTimes,
     associate: Duration,
@@ -221,7 +238,6 @@ impl Run {
             finder: SegmentLineFinder::new(options),
             found: FoundLines::default(),
             times: FindTimes::default(),
-            last_glimpse: None,
             n_lines: 0,
         };
         Self {
@@ -231,6 +247,8 @@ impl Run {
             source: associate::source(&options.associate),
             estimator: RigEstimator::new(cameras.to_vec(), options.estimate),
             views: vec![None; cameras.len()],
+            motion: MotionTest::new(cameras.len(), options.motion),
+            skews: SkewBook::new(cameras.len()),
             counts: SetCounts::default(),
             times: FindTimes::default(),
             associate: Duration::ZERO,
@@ -241,28 +259,29 @@ impl Run {
     fn solve(&self) -> RigCalibration {
         let calibration = self.estimator.solve();
         let SetCounts { seen, used, refused } = self.counts;
-        if used > 0 || refused == 0 || self.cameras.len() < 2 {
+        if used > 0 || refused.total() == 0 || self.cameras.len() < 2 {
             return calibration;
         }
-        // The first set is never refused for motion, so it was the stamps.
-        let skew_ms = ms(self.options.sync.max_skew);
-        let sentence = format!(
-            "all {seen} frame sets were refused: the stamps in each are more than {skew_ms} ms apart: check the cameras' \
-             clocks and which frames stand together"
-        );
+        let sentence = if refused.gyro + refused.image > 0 {
+            let deg_per_s = self.options.motion.max_turn_rad_per_s.to_degrees();
+            format!(
+                "all {seen} frame sets were refused, most of them while the rig turned faster than {deg_per_s:.1} deg/s: turn it slowly"
+            )
+        } else {
+            let skew_ms = ms(self.options.sync.max_skew);
+            format!(
+                "all {seen} frame sets were refused: the stamps in each are more than {skew_ms} ms apart: check the cameras' \
+                 clocks and which frames stand together"
+            )
+        };
         let reason = Some(Reason { code: ReasonCode::NotEnoughEvidence, sentence });
         RigCalibration { reason, ..calibration }
     }
 
     fn take(&mut self, frames: &[RgbdFrame]) {
         self.counts.seen += 1;
-        if !self.is_one_moment(frames) {
-            self.counts.refused += 1;
-            return;
-        }
-        self.find_lines(frames);
-        if self.is_fast(frames) {
-            self.counts.refused += 1;
+        if let Some(reason) = self.refused_for(frames) {
+            *reason(&mut self.counts.refused) += 1;
             return;
         }
         self.counts.used += 1;
@@ -278,13 +297,27 @@ impl Run {
         self.associate += start.elapsed();
     }
 
-    /// Whether there are enough frames, and their stamps within the skew limit.
-    fn is_one_moment(&self, frames: &[RgbdFrame]) -> bool {
-        let usable = || self.cameras.iter().zip(frames).filter(|(camera, frame)| frame.is_of(&camera.camera));
-        let stamps = || usable().map(|(_, frame)| frame.stamp.0);
-        let (Some(oldest), Some(newest)) = (stamps().min(), stamps().max()) else { return false };
-        let skew = Duration::from_nanos(newest.abs_diff(oldest));
-        stamps().count() >= self.cameras.len().min(2) && skew <= self.options.sync.max_skew
+    /// Finds the lines of a set, unless there is a reason not to use it: where that is counted.
+    fn refused_for(&mut self, frames: &[RgbdFrame]) -> Option<fn(&mut RefusedSets) -> &mut usize> {
+        let stamps = self.cameras.iter().zip(frames);
+        let stamps = stamps.map(|(camera, frame)| frame.is_of(&camera.camera).then_some(frame.stamp));
+        let max_skew = self.options.sync.max_skew;
+        self.skews.note_set(stamps.clone(), max_skew);
+        let present = || stamps.clone().flatten().map(|stamp| stamp.0);
+        let (Some(oldest), Some(newest)) = (present().min(), present().max()) else {
+            return Some(|refused| &mut refused.incomplete);
+        };
+        if present().count() < self.cameras.len().min(2) {
+            return Some(|refused| &mut refused.incomplete);
+        }
+        if Duration::from_nanos(newest.abs_diff(oldest)) > max_skew {
+            return Some(|refused| &mut refused.skew);
+        }
+        self.find_lines(frames);
+        match self.refused_by_motion(frames)? {
+            TurnSense::Gyro => Some(|refused| &mut refused.gyro),
+            TurnSense::Image => Some(|refused| &mut refused.image),
+        }
     }
 
     /// Each thread takes its share of the cameras; a camera's result depends on its own frames only.
@@ -308,14 +341,18 @@ impl Run {
         }
     }
 
-    fn is_fast(&mut self, frames: &[RgbdFrame]) -> bool {
-        let limit = self.options.motion.max_speed_px_per_s;
-        let mut is_fast = false;
-        for (camera, frame) in self.cameras.iter_mut().zip(frames) {
-            let is_usable = frame.is_of(&camera.camera);
-            is_fast |= is_usable && camera.speed(frame).is_some_and(|speed| speed > limit);
-        }
-        is_fast
+    fn refused_by_motion(&mut self, frames: &[RgbdFrame]) -> Option<TurnSense> {
+        let usable = self.cameras.iter().zip(frames).enumerate();
+        let usable = usable.filter(|(_, (camera, frame))| frame.is_of(&camera.camera));
+        let seen = usable.map(|(index, (camera, frame))| SeenFrame {
+            camera: index,
+            stamp: frame.stamp,
+            focal_px: camera.camera.mean_focal_px(),
+            thumbnail: &camera.found.thumbnail,
+            turn_rate: frame.turn_rate,
+        });
+        let turn = self.motion.turn(seen);
+        self.motion.refuses(turn)
     }
 
     /// Moves the views of the usable frames to the form the estimator takes, or back: no view is copied.

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::MAX_CAMERAS;
 use super::buffers::{LineSet, LineSlot, SetHeader};
 use super::event::{CameraProgress, Phase, PipelineEvent, Progress};
-use super::motion::{Glimpse, MotionOptions, image_speed_px_per_s};
+use super::motion::{MotionOptions, MotionTest, SeenFrame, Turn, TurnSense};
 use super::pulse::Pulse;
 use super::queues::MAX_SETS_IN_FLIGHT;
 use super::shared::Shared;
@@ -17,17 +17,17 @@ type Slots = [Option<Box<LineSlot>>; MAX_CAMERAS];
 /// Joins and publishes.
 pub(super) struct PublishStage {
     shared: Arc<Shared>,
-    motion: MotionOptions,
+    motion: MotionTest,
     /// Sets in flight by number modulo their count, as far as their frames are done.
     open: [(usize, Slots); MAX_SETS_IN_FLIGHT],
     next_id: u64,
-    last_glimpse: [Option<Glimpse>; MAX_CAMERAS],
 }
 
 impl PublishStage {
     pub(super) fn new(shared: Arc<Shared>, motion: MotionOptions) -> Self {
         let open = std::array::from_fn(|_| (0, std::array::from_fn(|_| None)));
-        Self { shared, motion, open, next_id: 0, last_glimpse: [None; MAX_CAMERAS] }
+        let motion = MotionTest::new(shared.cameras.len(), motion);
+        Self { shared, motion, open, next_id: 0 }
     }
 
     fn place(&mut self, slot: Box<LineSlot>) {
@@ -52,12 +52,16 @@ impl PublishStage {
     fn publish(&mut self, header: SetHeader, slots: Slots) {
         let _span = tracing::trace_span!("publish", set = header.id).entered();
         let shared = Arc::clone(&self.shared);
-        let speed_px_per_s = self.speed(&slots);
-        let is_fast = speed_px_per_s.is_some_and(|speed| speed > self.motion.max_speed_px_per_s);
+        let turn = self.turn(&slots);
+        let refused_by = self.motion.refuses(turn);
         shared.counters.sets_done.add_one();
         let phase = shared.phase.phase();
-        if phase == Phase::Collecting && is_fast {
-            shared.counters.refused_motion.add_one();
+        if phase == Phase::Collecting {
+            match refused_by {
+                Some(TurnSense::Gyro) => shared.counters.refused_gyro.add_one(),
+                Some(TurnSense::Image) => shared.counters.refused_image.add_one(),
+                None => {}
+            }
         }
         let cameras = progress_of(&slots);
         let latency = header.newest_arrival.elapsed();
@@ -68,13 +72,13 @@ impl PublishStage {
             newest_arrival: header.newest_arrival,
             latency,
             skew: header.skew,
-            speed_px_per_s,
+            turn,
             cameras,
             phase,
             counts: shared.counters.counts(),
         }));
         let is_wanted = match phase {
-            _ if is_fast => false,
+            _ if refused_by.is_some() => false,
             Phase::Collecting => true,
             Phase::Watching => shared.wants_watched_set.swap(false, Ordering::Relaxed),
             Phase::Idle => false,
@@ -85,16 +89,16 @@ impl PublishStage {
         shared.wakers.sync.wake();
     }
 
-    /// Speed of the fastest image since that camera's last set.
-    fn speed(&mut self, slots: &Slots) -> Option<f64> {
-        let mut fastest: Option<f64> = None;
-        for slot in slots.iter().flatten() {
-            let now = Glimpse { stamp: slot.stamp, thumbnail: slot.found.thumbnail };
-            let before = self.last_glimpse[slot.camera].replace(now);
-            let speed = before.and_then(|before| image_speed_px_per_s(&before, &now));
-            fastest = fastest.into_iter().chain(speed).reduce(f64::max);
-        }
-        fastest
+    fn turn(&mut self, slots: &Slots) -> Option<Turn> {
+        self.motion.turn(slots.iter().flatten().filter_map(|slot| {
+            Some(SeenFrame {
+                camera: slot.camera,
+                stamp: slot.stamp,
+                focal_px: slot.intrinsics?.mean_focal_px(),
+                thumbnail: &slot.found.thumbnail,
+                turn_rate: slot.turn_rate,
+            })
+        }))
     }
 
     /// Gives the set to the estimator, or its buffers back.

@@ -1,7 +1,7 @@
 //! What the pipeline's threads share besides the queues: atomics, wake-ups, and the way events go to the owner.
 
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
@@ -12,6 +12,7 @@ use super::event::{CameraState, Phase, PipelineEvent};
 use super::pulse::Pulses;
 use super::queues::Queues;
 use super::recovery::ResetTurn;
+use super::skew::SkewBook;
 use super::stats::{Counter, Counters, Latencies};
 use crate::solver::RigCalibration;
 
@@ -42,6 +43,8 @@ pub(super) struct CameraShared {
     last_frame_ns: AtomicU64,
     pub(super) frames: Counter,
     pub(super) dropped: Counter,
+    /// Locked when a camera is opened and when somebody asks, never per frame.
+    firmware: Mutex<Option<String>>,
 }
 
 impl CameraShared {
@@ -52,7 +55,16 @@ impl CameraShared {
             last_frame_ns: AtomicU64::new(0),
             frames: Counter::default(),
             dropped: Counter::default(),
+            firmware: Mutex::new(None),
         }
+    }
+
+    pub(super) fn firmware(&self) -> Option<String> {
+        self.firmware.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn set_firmware(&self, firmware: Option<String>) {
+        *self.firmware.lock().unwrap_or_else(PoisonError::into_inner) = firmware;
     }
 
     pub(super) fn state(&self) -> CameraState {
@@ -159,6 +171,7 @@ pub(super) struct Shared {
     pub(super) phase: PhaseCell,
     pub(super) counters: Counters,
     pub(super) latencies: Latencies,
+    pub(super) skews: SkewBook,
     pub(super) queues: Queues,
     pub(super) wakers: Wakers,
     pub(super) pulses: Pulses,
@@ -194,6 +207,7 @@ impl Shared {
             phase: PhaseCell::new(),
             counters: Counters::default(),
             latencies: Latencies::default(),
+            skews: SkewBook::new(names.len()),
             queues: Queues::new(names.len(), n_line_threads),
             wakers,
             pulses: Pulses::new(names.len(), n_line_threads),

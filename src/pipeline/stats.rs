@@ -146,7 +146,8 @@ pub struct Counters {
     pub(super) nearest_refused_ns: Counter,
     pub(super) dropped_sets: Counter,
     pub(super) sets_done: Counter,
-    pub(super) refused_motion: Counter,
+    pub(super) refused_gyro: Counter,
+    pub(super) refused_image: Counter,
     pub(super) skipped_sets: Counter,
     pub(super) accepted_sets: Counter,
     pub(super) repeated_sets: Counter,
@@ -181,8 +182,10 @@ pub struct Counts {
     pub dropped_sets: u64,
     /// Frame sets that went through the line stage.
     pub sets_done: u64,
-    /// Frame sets kept from the estimator because they were taken in fast motion.
-    pub refused_motion: u64,
+    /// Frame sets kept from the estimator because a gyro said that the rig turned fast.
+    pub refused_gyro: u64,
+    /// The same, because an image moved fast.
+    pub refused_image: u64,
     /// Frame sets the estimator had no time for, because it was solving.
     pub skipped_sets: u64,
     /// Frame sets that brought the estimator new evidence.
@@ -211,7 +214,8 @@ impl Counters {
             nearest_refused_ns: self.nearest_refused_ns.get(),
             dropped_sets: self.dropped_sets.get(),
             sets_done: self.sets_done.get(),
-            refused_motion: self.refused_motion.get(),
+            refused_gyro: self.refused_gyro.get(),
+            refused_image: self.refused_image.get(),
             skipped_sets: self.skipped_sets.get(),
             accepted_sets: self.accepted_sets.get(),
             repeated_sets: self.repeated_sets.get(),

@@ -20,6 +20,7 @@ use super::stage::Stage;
 pub(super) struct SyncStage {
     shared: Arc<Shared>,
     matcher: Matcher<Box<FrameSlot>>,
+    max_skew: Duration,
     stalled_after: Duration,
     /// The newest set that the line stage has not taken yet.
     pending: Option<Matched<Box<FrameSlot>>>,
@@ -34,7 +35,8 @@ impl SyncStage {
             capacity: SYNC_QUEUE,
         };
         let matcher = Matcher::new(shared.cameras.len(), match_options);
-        Self { shared, matcher, stalled_after: options.stalled_after, pending: None, next_id: 0 }
+        let SyncOptions { max_skew, stalled_after, .. } = *options;
+        Self { shared, matcher, max_skew, stalled_after, pending: None, next_id: 0 }
     }
 
     /// Fetches what the capture threads have; whether there was anything.
@@ -74,7 +76,13 @@ impl SyncStage {
         loop {
             let (now, queues) = (self.shared.since_start(), &self.shared.queues);
             let recycle = &mut |_, slot| queues.recycle_frame(slot);
-            let Some(set) = self.matcher.next_set(now, &living[..n_cameras], recycle) else { break };
+            let formed = self.matcher.next_set(now, &living[..n_cameras], recycle);
+            for beyond in self.matcher.drain_beyond() {
+                self.shared.skews.note_beyond(beyond.cameras, Duration::from_nanos(beyond.gap_ns));
+            }
+            let Some(set) = formed else { break };
+            let stamps = set.frames.iter().map(|frame| frame.as_ref().map(|frame| frame.stamp));
+            self.shared.skews.note_set(stamps, self.max_skew);
             self.shared.counters.sets_formed.add_one();
             if let Some(older) = self.pending.replace(set) {
                 self.shared.counters.dropped_sets.add_one();

@@ -12,7 +12,7 @@ use super::error::ServiceError;
 use super::logging::LogHandle;
 use super::manager::ServiceManager;
 use super::reload::Reloader;
-use super::rig::{Rig, identities};
+use super::rig::{Rig, identities, with_firmware};
 use super::state::{self, Life};
 use super::stop::Stop;
 use super::storing::{self, Storing};
@@ -374,7 +374,7 @@ impl Daemon {
                 config_hash: self.config_hash.clone(),
                 ..Provenance::default()
             },
-            cameras: self.identities.clone(),
+            cameras: with_firmware(&self.identities, &live.pipeline.snapshot()),
             calibration,
         };
         if message.calibration.state == State::Converged {

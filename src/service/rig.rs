@@ -10,7 +10,7 @@ use super::config::{CameraChoice, Config, RigError};
 use super::error::ServiceError;
 use crate::capture::DeviceFactory;
 use crate::ipc::CameraIdentity;
-use crate::pipeline::{CameraSlot, Parts, Pipeline, PipelineEvent, PipelineOptions};
+use crate::pipeline::{CameraSlot, Parts, Pipeline, PipelineEvent, PipelineOptions, Snapshot};
 
 /// How often cameras that the config does not name are looked for.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
@@ -90,8 +90,18 @@ pub fn identities(cameras: &[CameraChoice]) -> Vec<CameraIdentity> {
     let identity = |camera: &CameraChoice| CameraIdentity {
         name: camera.name.clone(),
         serial: camera.serial.clone(),
-        // No back end tells it yet.
+        // Known when the camera is opened.
         firmware: None,
     };
     cameras.iter().map(identity).collect()
+}
+
+/// The cameras with the firmware that each told when it was opened last.
+pub fn with_firmware(identities: &[CameraIdentity], snapshot: &Snapshot) -> Vec<CameraIdentity> {
+    let firmware = |index: usize| snapshot.cameras.get(index).and_then(|camera| camera.firmware.clone());
+    let identity = |(index, identity): (usize, &CameraIdentity)| CameraIdentity {
+        firmware: firmware(index),
+        ..identity.clone()
+    };
+    identities.iter().enumerate().map(identity).collect()
 }

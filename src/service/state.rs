@@ -170,12 +170,14 @@ mod tests {
             frames: 1,
             dropped: 0,
             last_frame_age: None,
+            firmware: None,
         };
         Snapshot {
             cameras: states.iter().map(camera).collect(),
             phase: Phase::Collecting,
             counts: Counts::default(),
             latencies: LatencySummaries::default(),
+            pair_skews: Vec::new(),
         }
     }
 

@@ -207,6 +207,7 @@ mod tests {
             frames: 0,
             dropped: 0,
             last_frame_age: None,
+            firmware: None,
         };
         ["left", "right"].into_iter().zip(states).map(camera).collect()
     }

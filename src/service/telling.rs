@@ -4,7 +4,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use crate::ipc::{
     BestPair, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameSetCounts, HealthMessage,
-    ProgressMessage, Skew, StageLatency,
+    PairSkew, ProgressMessage, RefusedCounts, Skew, StageLatency, TurnSense, Turning,
 };
 use crate::pipeline::{self, CameraSnapshot, Counts, LatencySummary, Progress, Snapshot};
 use crate::solver::{Moved, RigCalibration, WatchReport, Who};
@@ -41,7 +41,12 @@ impl ProgressTeller {
         FrameSetCounts {
             seen: since(|counts| counts.sets_formed),
             used: since(|counts| counts.accepted_sets),
-            refused: since(|counts| counts.refused_skew + counts.refused_motion + counts.repeated_sets),
+            refused: RefusedCounts {
+                skew: since(|counts| counts.refused_skew),
+                gyro: since(|counts| counts.refused_gyro),
+                image: since(|counts| counts.refused_image),
+                repeated: since(|counts| counts.repeated_sets),
+            },
             dropped: since(|counts| counts.dropped_sets + counts.skipped_sets),
         }
     }
@@ -63,6 +68,7 @@ impl ProgressTeller {
             cameras: lines.map(|camera| CameraLines { lines: camera.lines, lifted: camera.lifted }).collect(),
             best_pair: self.best_pair,
             skew: Skew { last_ns, max_ns: self.max_skew_ns },
+            turning: progress.turn.map(Turning::from),
         }
     }
 }
@@ -117,6 +123,7 @@ impl HealthTeller {
             watch: watch.cloned(),
             cameras,
             stages: stages(pipeline),
+            pair_skews: pipeline.pair_skews.iter().map(PairSkew::from).collect(),
         }
     }
 }
@@ -144,7 +151,33 @@ fn stages(pipeline: &Snapshot) -> Vec<StageLatency> {
 impl From<FrameSetCounts> for store::FrameSets {
     fn from(counts: FrameSetCounts) -> Self {
         let FrameSetCounts { seen, used, refused, dropped } = counts;
-        Self { seen, used, refused, dropped }
+        Self { seen, used, refused: refused.total(), dropped }
+    }
+}
+
+impl From<pipeline::Turn> for Turning {
+    fn from(turn: pipeline::Turn) -> Self {
+        let sense = match turn.sense {
+            pipeline::TurnSense::Gyro => TurnSense::Gyro,
+            pipeline::TurnSense::Image => TurnSense::Image,
+        };
+        // A gyro's answer may be infinite, which the wire refuses.
+        Self { rad_per_s: turn.rad_per_s.clamp(0.0, f64::MAX), sense }
+    }
+}
+
+impl From<&pipeline::PairSkew> for PairSkew {
+    fn from(pair: &pipeline::PairSkew) -> Self {
+        let ns = |ms: f64| (ms * 1e6).round() as u64;
+        Self {
+            cameras: (pair.first, pair.second),
+            sets: pair.within.count,
+            p50_ns: ns(pair.within.p50_ms),
+            p99_ns: ns(pair.within.p99_ms),
+            max_ns: ns(pair.within.max_ms),
+            beyond: pair.beyond,
+            last_beyond_ns: ns(pair.last_beyond_ms),
+        }
     }
 }
 

@@ -174,6 +174,8 @@ pub struct RankLimits<'a> {
     pub max_baseline_m: f64,
     /// Largest share of surface samples that may contradict free space.
     pub max_free_space_violated: f64,
+    /// A pose that is known to explain much: only what could rival it is looked for. `None` looks everywhere.
+    pub known: Option<&'a Motion>,
     /// Asked often; once it says no, the ranking is given up.
     pub keep_going: &'a dyn Fn() -> bool,
 }
@@ -231,17 +233,18 @@ fn is_possible(target_from_source: &Motion, pair: &PairEvidence<'_>, limits: &Ra
         && !free_space(pair, limits.cameras, target_from_source).is_violated(limits.max_free_space_violated)
 }
 
-/// Every pose that settled on its matches, best score first; where appearance is certain of one, only that and its rivals.
+/// Every pose that settled on its matches, best score first; where one is known, or appearance is certain of one, only that and its
+/// rivals.
 fn settled_poses(scene: Scene<'_>, (prior, limits): (&Prior, &RankLimits<'_>)) -> Vec<Hypothesis> {
     let certain = prior.poses.first().filter(|_| prior.is_certain()).and_then(|pose| settle(scene, pose));
     let certain = certain.filter(|pose| {
         pose.matches.len() >= MIN_CERTAIN_MATCHES
             && is_possible(&pose.refined.target_from_source, &scene.pair, limits)
     });
-    let known = certain.as_ref().map(|pose| &pose.refined.target_from_source);
+    let known = limits.known.or(certain.as_ref().map(|pose| &pose.refined.target_from_source));
     let (max_baseline_m, keep_going) = (limits.max_baseline_m, limits.keep_going);
     let voted = starts(scene.candidates, &Search { known, max_baseline_m, keep_going });
-    let going = prior.poses.iter().chain(&voted).take_while(|_| keep_going());
+    let going = limits.known.into_iter().chain(&prior.poses).chain(&voted).take_while(|_| keep_going());
     let mut drawn_in: Vec<Approach<'_>> = going.filter_map(|pose| Approach::start(scene, pose)).collect();
     drawn_in.sort_by(|a, b| b.score.total_cmp(&a.score));
     let going = drawn_in.into_iter().take(MAX_SETTLED).take_while(|_| keep_going());

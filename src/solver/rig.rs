@@ -166,6 +166,7 @@ impl RigEstimator {
             line_residuals: Vec::new(),
         };
         let limits = RankLimits {
+            known: None,
             cameras: &self.cameras,
             max_baseline_m: self.options.max_baseline_m,
             max_free_space_violated: self.options.verdict.max_free_space_violated,

@@ -49,9 +49,13 @@ fn the_document_has_the_keys_of_the_contract() {
     assert_eq!(camera["covariance"].as_array().unwrap().len(), 6);
     assert_eq!(
         keys(&document["pairs"][0]),
-        ["full", "lead", "matches", "pnl", "residual_mm", "residual_px", "source", "target"]
+        ["full", "lead", "matches", "pnl", "residual_mm", "residual_px", "skew", "source", "target"]
     );
-    assert_eq!(keys(&document["frame_sets"]), ["refused", "seen", "used"]);
+    let skew = ["beyond", "last_beyond_ms", "max_ms", "p50_ms", "p99_ms", "sets"];
+    assert_eq!(keys(&document["pairs"][0]["skew"]), skew);
+    assert_eq!(keys(&document["frame_sets"]), ["refused", "refused_for", "seen", "used"]);
+    let reasons = ["gyro", "image", "incomplete", "nothing_new", "skew"];
+    assert_eq!(keys(&document["frame_sets"]["refused_for"]), reasons);
     assert_eq!(keys(&document["timing_ms"]), ["associate", "detect", "estimate", "lift", "total"]);
 }
 
@@ -130,6 +134,7 @@ fn frame_sets_of_different_moments_are_refused_with_the_reason() {
     fixture.write("recording.yaml", format!("{head}{row}"));
     let document = calibrate(fixture.path()).expect_code(4).json();
     assert_eq!((&document["state"], &document["frame_sets"]["refused"]), (&"collecting".into(), &1.into()));
+    assert_eq!(document["frame_sets"]["refused_for"]["skew"], 1);
     assert!(document["reason"]["sentence"].as_str().unwrap().contains("more than 8 ms apart"), "{document}");
 }
 

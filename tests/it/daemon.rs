@@ -223,6 +223,8 @@ fn the_demo_agrees_with_its_truth_and_leaves_no_daemon() {
         assert!(entry["translation_error_mm"].as_f64().unwrap() < 5.0, "{entry}");
     }
     assert_eq!(document["truth"].as_array().unwrap().len(), 2);
+    let firmware = &document["provenance"]["cameras"][1]["firmware"];
+    assert_eq!(firmware, "synthetic-1", "{}", document["provenance"]);
     for stage in ["detect", "lift", "associate", "estimate", "total"] {
         assert!(document["timing_ms"][stage].as_f64().unwrap() > 0.0, "{stage} in {}", document["timing_ms"]);
     }

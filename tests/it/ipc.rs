@@ -54,10 +54,11 @@ fn progress(sequence: u64) -> ProgressMessage {
         latency_ns: 4,
         state: State::Collecting,
         is_moved: false,
-        frame_sets: FrameSetCounts { seen: sequence, used: 1, refused: 0, dropped: 0 },
+        frame_sets: FrameSetCounts { seen: sequence, used: 1, ..FrameSetCounts::default() },
         cameras: vec![CameraLines { lines: 80, lifted: 50 }; 2],
         best_pair: None,
         skew: Skew { last_ns: 1_000, max_ns: 2_000 },
+        turning: None,
     }
 }
 
@@ -76,7 +77,8 @@ fn health(sequence: u64) -> HealthMessage {
         p99_ns: 6_000_000,
         total_ns: 90_000_000,
     };
-    HealthMessage { sequence, uptime_ns: 1, watch: None, cameras: vec![camera], stages: vec![stage] }
+    let (cameras, stages) = (vec![camera], vec![stage]);
+    HealthMessage { sequence, uptime_ns: 1, watch: None, cameras, stages, pair_skews: Vec::new() }
 }
 
 fn snapshot() -> Snapshot {

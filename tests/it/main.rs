@@ -6,19 +6,25 @@
     reason = "clippy's leave for tests stops at #[test]"
 )]
 
+mod bad_bags;
 mod bad_recording;
+mod bag_bytes;
+mod bags;
 mod cli;
 mod closed_stderr;
 mod config;
 mod daemon;
+mod doctor;
 mod env;
 mod faults;
 mod fixture;
 mod frame_source;
+mod fuzz_bag;
 mod history;
 mod ipc;
 mod lifting;
 mod matching;
+mod motion_gate;
 mod packaging;
 mod paper;
 mod pipeline;

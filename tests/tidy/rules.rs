@@ -37,7 +37,7 @@ pub const PURE: [&str; 7] = [
     "src/lines/",
     "src/solver/",
     "src/pipeline/matcher.rs",
-    "src/pipeline/motion.rs",
+    "src/pipeline/motion/",
     "src/service/state.rs",
 ];
 

@@ -11,6 +11,7 @@ use super::FORMAT;
 use super::truth::{PoseSection, motion};
 use crate::capture::{CameraInfo, StampNs};
 use crate::geometry::camera::Pinhole;
+use crate::geometry::motion::Motion;
 use crate::geometry::{Camera, DepthCamera, Distortion};
 
 /// What `recording.yaml` says, checked.
@@ -225,16 +226,22 @@ impl DepthSection {
             .map_err(|error| error.to_string())?;
         let color_from_depth =
             motion(&self.color_from_depth).map_err(|what| format!("color_from_depth: {what}"))?;
-        let (baseline_m, turn_rad) =
-            (color_from_depth.translation.vector.norm(), color_from_depth.rotation.angle());
-        if baseline_m > MAX_DEPTH_BASELINE_M || turn_rad > MAX_DEPTH_TURN_RAD {
-            return Err(format!(
-                "color_from_depth is a shift of {baseline_m:.3} m and a turn of {turn_rad:.3} rad; at most \
-                 {MAX_DEPTH_BASELINE_M} m and {MAX_DEPTH_TURN_RAD} rad are allowed: the two share a housing"
-            ));
-        }
+        check_housing(&color_from_depth)?;
         Ok(DepthCamera { camera, color_from_depth })
     }
+}
+
+/// Whether depth and colour imager can stand so in one housing.
+pub(in crate::capture) fn check_housing(color_from_depth: &Motion) -> Result<(), String> {
+    let (baseline_m, turn_rad) =
+        (color_from_depth.translation.vector.norm(), color_from_depth.rotation.angle());
+    if baseline_m > MAX_DEPTH_BASELINE_M || turn_rad > MAX_DEPTH_TURN_RAD {
+        return Err(format!(
+            "color_from_depth is a shift of {baseline_m:.3} m and a turn of {turn_rad:.3} rad; at most \
+             {MAX_DEPTH_BASELINE_M} m and {MAX_DEPTH_TURN_RAD} rad are allowed: the two share a housing"
+        ));
+    }
+    Ok(())
 }
 
 impl DistortionSection {

@@ -40,13 +40,7 @@ pub(super) fn parse_ground_truth(text: &str, names: &[&str]) -> Result<GroundTru
     if let Some(unknown) = section.poses.keys().find(|name| !names.contains(&name.as_str())) {
         return Err(format!("poses.{unknown}: no such camera; the recording has {}", names.join(", ")));
     }
-    let mut reference_from_camera = Vec::with_capacity(names.len());
-    for name in names {
-        let pose = section.poses.get(*name).ok_or_else(|| {
-            format!("poses has no camera \"{name}\"; every camera of the recording is needed")
-        })?;
-        reference_from_camera.push(motion(pose).map_err(|what| format!("poses.{name}: {what}"))?);
-    }
+    let reference_from_camera = poses(&section, names)?;
     if let Some(first) = reference_from_camera.first() {
         let gap = first.translation.vector.norm().max(first.rotation.angle());
         if gap > MAX_FIRST_GAP {
@@ -57,6 +51,31 @@ pub(super) fn parse_ground_truth(text: &str, names: &[&str]) -> Result<GroundTru
         }
     }
     Ok(GroundTruth { reference_from_camera })
+}
+
+/// As [`parse_ground_truth`], for cameras that may be some of those in the text and in another order; `None` when the text names
+/// none of them.
+pub(super) fn parse_for_some(text: &str, names: &[&str]) -> Result<Option<GroundTruth>, String> {
+    let section: TruthSection = serde_yaml::from_str(text).map_err(|error| error.to_string())?;
+    if !names.iter().any(|name| section.poses.contains_key(*name)) {
+        return Ok(None);
+    }
+    let first_from_camera = poses(&section, names)?;
+    let reference_from_first = first_from_camera.first().map(Motion::inverse).unwrap_or_default();
+    let reference_from_camera =
+        first_from_camera.iter().map(|motion| reference_from_first * motion).collect();
+    Ok(Some(GroundTruth { reference_from_camera }))
+}
+
+/// The motions of these cameras.
+fn poses(section: &TruthSection, names: &[&str]) -> Result<Vec<Motion>, String> {
+    let pose = |name: &&str| {
+        let pose = section.poses.get(*name).ok_or_else(|| {
+            format!("poses has no camera \"{name}\"; every camera of the recording is needed")
+        })?;
+        motion(pose).map_err(|what| format!("poses.{name}: {what}"))
+    };
+    names.iter().map(pose).collect()
 }
 
 /// The motion that a section names; the error says which number is not usable.

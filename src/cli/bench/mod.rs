@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use super::args::BenchArgs;
 use super::error::CliError;
 use super::exit::Exit;
+use super::gate::Gate;
 use super::interrupt::Interrupt;
 use super::output;
 use super::output::bench::{BenchDocument, LineCounts, OneCoreEntry, PipelineEntry, StageEntry};
@@ -22,7 +23,7 @@ use crate::pipeline::{
     PipelineOptions,
 };
 use crate::service::config;
-use lockstep::{Gate, Lockstep};
+use lockstep::Lockstep;
 
 /// Frame sets kept in memory, the first ones; 1.5 MB for each image of 640 x 480.
 const MAX_SETS: usize = 40;
@@ -36,12 +37,12 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub fn run(args: &BenchArgs) -> Result<Exit, CliError> {
     let mut options = config::load_or_default(args.config.as_deref())?.pipeline;
     // The views jump from frame to frame here; that must not keep the estimator idle.
-    options.motion = MotionOptions { max_speed_px_per_s: f64::INFINITY };
+    options.motion = MotionOptions { max_turn_rad_per_s: f64::INFINITY };
     if let Some(choice) = args.association {
         options.associate.association = choice.into();
     }
     let interrupt = Interrupt::register()?;
-    let recording = Recording::open(&args.recording)?;
+    let recording = args.recording.open()?;
     let frames = read_ahead(&recording)?;
     say(format_args!("one core, {:.0} s", args.seconds.as_secs_f64()));
     let one_core = one_core((&recording, &frames), &options, (args.seconds, &interrupt));

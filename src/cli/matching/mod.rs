@@ -17,7 +17,7 @@ use super::output::matching::{MatchDocument, SetEntry};
 use super::talk::say;
 use super::{output, progress};
 use crate::capture::RgbdFrame;
-use crate::capture::recording::{GroundTruth, RECORDING_FILE, Recording};
+use crate::capture::recording::{GroundTruth, Recording};
 use crate::geometry::motion::Motion;
 use crate::pipeline::{FindTimes, FoundLines, Parts, PipelineOptions};
 use crate::service::config;
@@ -81,7 +81,7 @@ pub fn run(args: &MatchArgs) -> Result<(), CliError> {
     if let Some(choice) = args.association {
         options.associate.association = choice.into();
     }
-    let recording = Recording::open(&args.recording)?;
+    let recording = args.recording.open()?;
     let sets = chosen_sets(&recording, args.set)?;
     let truth = recording.ground_truth()?;
     let mut proposer = Proposer::new(&recording, &options)?;
@@ -112,15 +112,14 @@ pub fn run(args: &MatchArgs) -> Result<(), CliError> {
 /// The frame sets to be shown; a rig of one camera has nothing to match.
 fn chosen_sets(recording: &Recording, set: Option<usize>) -> Result<Vec<usize>, CliError> {
     let (n_cameras, n_sets) = (recording.cameras().len(), recording.frame_sets().len());
-    let file = recording.folder().join(RECORDING_FILE);
+    let path = recording.path().display();
     if n_cameras < 2 {
-        let what = format!("{}: has one camera; lines are matched between two or more", file.display());
+        let what = format!("{path}: has one camera; lines are matched between two or more");
         return Err(CliError::BadInput(what));
     }
     match set {
         Some(set) if set >= n_sets => Err(CliError::BadInput(format!(
-            "{}: there is no frame set {set}; --set 0 to {} are there",
-            file.display(),
+            "{path}: there is no frame set {set}; --set 0 to {} are there",
             n_sets - 1
         ))),
         Some(set) => Ok(vec![set]),

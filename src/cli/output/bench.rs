@@ -204,7 +204,7 @@ impl BenchDocument {
         let size = |info: &CameraInfo| [info.camera.width_px(), info.camera.height_px()];
         Self {
             schema: "pelical.bench/1",
-            recording: recording.folder().display().to_string(),
+            recording: recording.path().display().to_string(),
             images_px: recording.cameras().iter().map(size).collect(),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             one_core,

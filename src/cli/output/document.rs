@@ -4,8 +4,10 @@ use nalgebra::Matrix6;
 use serde::Serialize;
 
 use super::history::ProvenanceEntry;
+use super::intake::{RefusedFor, SkewEntry};
 use crate::geometry::motion::{Motion, rotation_gap_rad, translation_gap_m};
 use crate::ipc::CameraIdentity;
+use crate::pipeline::PairSkew;
 use crate::solver::{CameraPose, PairEstimate, Reason, RigCalibration};
 
 /// Everything that goes into a [`CalibrationDocument`].
@@ -17,6 +19,8 @@ pub struct Findings<'a> {
     pub calibration: &'a RigCalibration,
     /// What became of the frame sets.
     pub frame_sets: FrameSets,
+    /// How far apart the frames of each two cameras are; empty where it is not known.
+    pub pair_skews: &'a [PairSkew],
     /// Totals over the run.
     pub timing_ms: TimingMs,
     /// Where the cameras truly are, in the frame of the first one; the estimator has never seen it.
@@ -120,6 +124,9 @@ pub struct PairEntry {
     pub residual_px: Option<f64>,
     /// Root mean square; null without matches.
     pub residual_mm: Option<f64>,
+    /// How far apart the frames of the two cameras are; left out where it is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skew: Option<SkewEntry>,
 }
 
 /// What became of the frame sets.
@@ -131,6 +138,9 @@ pub struct FrameSets {
     pub used: u64,
     /// Not taken.
     pub refused: u64,
+    /// Why; left out where it is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused_for: Option<RefusedFor>,
 }
 
 /// Times over a whole run, ms; null where it was not measured.
@@ -188,6 +198,10 @@ impl CalibrationDocument {
         let name = |index: usize| cameras.get(index).map_or_else(String::new, |camera| camera.name.clone());
         let others = || (0..cameras.len()).filter(|&index| index != calibration.reference);
         let place = |index: usize| calibration.cameras.get(index).and_then(Option::as_ref);
+        let skew = |pair: &PairEstimate| {
+            let cameras = (pair.target.min(pair.source), pair.target.max(pair.source));
+            findings.pair_skews.iter().find(|skew| (skew.first, skew.second) == cameras).map(SkewEntry::from)
+        };
         Self {
             schema: "pelical.calibration/1",
             state: calibration.state.name(),
@@ -198,7 +212,7 @@ impl CalibrationDocument {
                 .filter(|&index| place(index).is_none())
                 .map(|index| missing_entry(&cameras[index], (calibration, index), name))
                 .collect(),
-            pairs: calibration.pairs.iter().map(|pair| pair_entry(pair, name)).collect(),
+            pairs: calibration.pairs.iter().map(|pair| pair_entry(pair, name, skew(pair))).collect(),
             frame_sets,
             timing_ms,
             truth: truth.map(|first_from_camera| {
@@ -274,7 +288,7 @@ fn rows(covariance: &Matrix6<f64>) -> [[Option<f64>; 6]; 6] {
     std::array::from_fn(|row| std::array::from_fn(|column| finite(covariance[(row, column)])))
 }
 
-fn pair_entry(pair: &PairEstimate, name: impl Fn(usize) -> String) -> PairEntry {
+fn pair_entry(pair: &PairEstimate, name: impl Fn(usize) -> String, skew: Option<SkewEntry>) -> PairEntry {
     let residual = |value: f64| if pair.matches > 0 { finite(value) } else { None };
     PairEntry {
         target: name(pair.target),
@@ -285,6 +299,7 @@ fn pair_entry(pair: &PairEstimate, name: impl Fn(usize) -> String) -> PairEntry 
         lead: pair.lead.and_then(finite),
         residual_px: residual(pair.residual_px),
         residual_mm: residual(pair.residual_m * 1e3),
+        skew,
     }
 }
 

@@ -16,7 +16,7 @@ use crate::pipeline::FindTimes;
 pub struct MatchDocument {
     /// Name and version of this layout.
     pub schema: &'static str,
-    /// The recording's folder.
+    /// The recording's folder or first bag.
     pub recording: String,
     /// Who proposed matches.
     pub association: &'static str,
@@ -162,7 +162,7 @@ impl MatchDocument {
         });
         Self {
             schema: "pelical.match/1",
-            recording: args.recording.display().to_string(),
+            recording: args.recording.path().display().to_string(),
             association,
             min_length_px: args.min_length_px,
             precision: counts.precision(),

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod document;
 pub mod export;
 pub mod history;
+pub mod intake;
 pub mod matching;
 pub mod matching_text;
 pub mod moved;

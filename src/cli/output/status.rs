@@ -5,11 +5,12 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::document::ReasonEntry;
+use super::intake::{PairSkewEntry, RefusedFor, SkewEntry, TurnEntry, skew_table};
 use super::moved::{self, MovedEntry};
 use super::text::table;
 use super::time::{age_in_words, age_s, now_ns};
 use crate::ipc::{
-    CameraHealth, HealthMessage, InstanceName, Outcome, ProgressMessage, Snapshot, StageLatency,
+    CameraHealth, HealthMessage, InstanceName, Outcome, PairSkew, ProgressMessage, Snapshot, StageLatency,
 };
 
 /// `pelical.status/1`.
@@ -42,6 +43,10 @@ pub struct StatusDocument {
     pub uptime_s: f64,
     /// What became of the frame sets since collecting began.
     pub frame_sets: FrameSetStatus,
+    /// How fast the rig turns; null where nothing tells.
+    pub turn: Option<TurnEntry>,
+    /// How far apart the frames of each two cameras are, since the daemon started; empty before its first word about them.
+    pub pair_skews: Vec<PairSkewEntry>,
     /// How the cameras are; empty before the daemon's first word about them.
     pub cameras: Vec<CameraStatus>,
     /// How long the stages take.
@@ -55,8 +60,10 @@ pub struct FrameSetStatus {
     pub seen: u64,
     /// Taken as evidence.
     pub used: u64,
-    /// Not taken: skew, motion, or nothing new.
+    /// Not taken.
     pub refused: u64,
+    /// Why.
+    pub refused_for: RefusedFor,
     /// Lost because a stage was busy.
     pub dropped: u64,
 }
@@ -118,6 +125,10 @@ impl StatusDocument {
     pub fn new(instance: &InstanceName, words: &Words<'_>) -> Self {
         let Words { snapshot, health, progress } = *words;
         let name = |camera| moved::camera_name(health, camera);
+        let pair_skew = |pair: &PairSkew| PairSkewEntry {
+            cameras: [pair.cameras.0, pair.cameras.1].map(name),
+            skew: SkewEntry::from(pair),
+        };
         let watch = snapshot.watch.as_ref();
         let entries = watch.iter().flat_map(|watch| &watch.moved).map(|moved| MovedEntry::new(moved, &name));
         let moved: Vec<MovedEntry> = entries.collect();
@@ -138,9 +149,12 @@ impl StatusDocument {
             frame_sets: FrameSetStatus {
                 seen: sets.seen,
                 used: snapshot.frame_sets_used,
-                refused: sets.refused,
+                refused: sets.refused.total(),
+                refused_for: sets.refused.into(),
                 dropped: sets.dropped,
             },
+            turn: progress.and_then(|progress| progress.turning).map(TurnEntry::from),
+            pair_skews: health.iter().flat_map(|health| &health.pair_skews).map(pair_skew).collect(),
             cameras: health.iter().flat_map(|health| &health.cameras).map(CameraStatus::from).collect(),
             stages: health.iter().flat_map(|health| &health.stages).map(StageStatus::from).collect(),
         }
@@ -206,8 +220,14 @@ pub fn text(status: &StatusDocument) -> String {
     if let Some(reason) = &status.reason {
         let _ = writeln!(text, "reason      {} ({})", reason.sentence, reason.code);
     }
-    let FrameSetStatus { seen, used, refused, dropped } = status.frame_sets;
+    let FrameSetStatus { seen, used, refused, dropped, refused_for } = status.frame_sets;
     let _ = writeln!(text, "frame sets  {seen} seen, {used} used, {refused} refused, {dropped} dropped");
+    if refused > 0 {
+        let _ = writeln!(text, "refused     {}", refused_for.text());
+    }
+    if let Some(turn) = &status.turn {
+        let _ = writeln!(text, "turning     {:.0} deg/s ({})", turn.deg_per_s, turn.by);
+    }
     let _ = writeln!(text, "results     {}", status.calibration_sequence);
     if status.calibration_sequence > 0 {
         let id = status.calibration_id.map_or_else(String::new, |id| format!("calibration {id}, "));
@@ -229,6 +249,9 @@ pub fn text(status: &StatusDocument) -> String {
         });
         let header = ["camera", "state", "frames/s", "frames", "dropped", "last frame ms ago"];
         text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
+    }
+    if !status.pair_skews.is_empty() {
+        text += &format!("\n{}", skew_table(&status.pair_skews));
     }
     if !status.stages.is_empty() {
         let rows = status.stages.iter().map(|stage| {

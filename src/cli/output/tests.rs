@@ -53,7 +53,8 @@ fn document(calibration: &RigCalibration, truth: Option<&[Motion]>) -> Calibrati
     CalibrationDocument::new(&Findings {
         cameras: &[identity("left"), identity("right")],
         calibration,
-        frame_sets: FrameSets { seen: 12, used: 12, refused: 0 },
+        frame_sets: FrameSets { seen: 12, used: 12, ..FrameSets::default() },
+        pair_skews: &[],
         timing_ms: TimingMs { total: Some(5.0), ..TimingMs::default() },
         truth,
         provenance: None,
@@ -153,6 +154,7 @@ fn a_missing_camera_is_told_with_its_reason_while_the_others_have_their_places()
         cameras: &[identity("left"), identity("right"), identity("door")],
         calibration: &calibration,
         frame_sets: FrameSets::default(),
+        pair_skews: &[],
         timing_ms: TimingMs::default(),
         truth: None,
         provenance: None,
@@ -213,6 +215,7 @@ fn words_of_a_moved_camera() -> (Snapshot, HealthMessage) {
         watch: watch.clone(),
         cameras: vec![camera("front"), camera("left")],
         stages: Vec::new(),
+        pair_skews: Vec::new(),
     };
     let snapshot = Snapshot {
         activity: Activity::Watching,

@@ -190,7 +190,7 @@ fn camera_wire(identity: &CameraIdentity, pose: Option<&CameraPose>) -> Result<C
     let mut wire = NO_CAMERA;
     wire.name = FixedText::exact("camera name", &identity.name)?;
     wire.serial = FixedText::exact("camera serial", &identity.serial)?;
-    wire.firmware = FixedText::exact("camera firmware", identity.firmware.as_deref().unwrap_or(""))?;
+    wire.firmware = FixedText::cut(identity.firmware.as_deref().unwrap_or(""));
     if let Some(pose) = pose {
         wire.has_pose = 1;
         wire.reference_from_camera = MotionWire::encode(&pose.reference_from_camera);

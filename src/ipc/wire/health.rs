@@ -5,10 +5,10 @@ use iceoryx2::prelude::ZeroCopySend;
 use super::parts::FixedText;
 use super::watch::WatchWire;
 use super::{
-    MAX_CAMERAS, MAX_NAME_BYTES, MAX_STAGES, VERSION, WireError, check_version, code_of, count, count_wire,
-    not_negative, value_of,
+    MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, MAX_STAGES, VERSION, WireError, check_version, code_of, count,
+    count_wire, not_negative, pair_indices, value_of,
 };
-use crate::ipc::message::{CameraHealth, CameraState, HealthMessage, StageLatency};
+use crate::ipc::message::{CameraHealth, CameraState, HealthMessage, PairSkew, StageLatency};
 
 /// Age of the last frame of a camera that never sent one.
 const NEVER_NS: u64 = u64::MAX;
@@ -24,8 +24,8 @@ pub struct HealthWire {
     pub n_cameras: u32,
     /// Stages in use.
     pub n_stages: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Pairs in use.
+    pub n_pairs: u32,
     /// Counts the health messages of this daemon, from 1.
     pub sequence: u64,
     /// Since the daemon started, ns.
@@ -36,6 +36,31 @@ pub struct HealthWire {
     pub cameras: [CameraHealthWire; MAX_CAMERAS],
     /// The stages.
     pub stages: [StageWire; MAX_STAGES],
+    /// The pairs of cameras.
+    pub pair_skews: [PairSkewWire; MAX_PAIRS],
+}
+
+/// How far apart the frames of two cameras are.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[type_name("PelicalPairSkewV3")]
+pub struct PairSkewWire {
+    /// Index of the first camera.
+    pub first: u32,
+    /// Index of the second camera.
+    pub second: u32,
+    /// Frame sets that both are in.
+    pub sets: u64,
+    /// ns.
+    pub p50_ns: u64,
+    /// ns.
+    pub p99_ns: u64,
+    /// ns.
+    pub max_ns: u64,
+    /// How often the nearest frames were further apart than the limit.
+    pub beyond: u64,
+    /// How far the last time, ns.
+    pub last_beyond_ns: u64,
 }
 
 /// How one camera is.
@@ -86,6 +111,17 @@ const NO_CAMERA: CameraHealthWire = CameraHealthWire {
 const NO_STAGE: StageWire =
     StageWire { stage: FixedText::EMPTY, reserved: 0, p50_ns: 0, p99_ns: 0, total_ns: 0 };
 
+const NO_PAIR: PairSkewWire = PairSkewWire {
+    first: 0,
+    second: 0,
+    sets: 0,
+    p50_ns: 0,
+    p99_ns: 0,
+    max_ns: 0,
+    beyond: 0,
+    last_beyond_ns: 0,
+};
+
 impl TryFrom<&HealthMessage> for HealthWire {
     type Error = WireError;
 
@@ -94,13 +130,17 @@ impl TryFrom<&HealthMessage> for HealthWire {
             version: VERSION,
             n_cameras: count_wire("cameras", message.cameras.len(), MAX_CAMERAS)?,
             n_stages: count_wire("stages", message.stages.len(), MAX_STAGES)?,
-            reserved: 0,
+            n_pairs: count_wire("pairs", message.pair_skews.len(), MAX_PAIRS)?,
             sequence: message.sequence,
             uptime_ns: message.uptime_ns,
             watch: WatchWire::encode(message.watch.as_ref())?,
             cameras: [NO_CAMERA; MAX_CAMERAS],
             stages: [NO_STAGE; MAX_STAGES],
+            pair_skews: [NO_PAIR; MAX_PAIRS],
         };
+        for (slot, pair) in wire.pair_skews.iter_mut().zip(&message.pair_skews) {
+            *slot = pair_wire(pair)?;
+        }
         for (slot, camera) in wire.cameras.iter_mut().zip(&message.cameras) {
             *slot = CameraHealthWire {
                 name: FixedText::exact("camera name", &camera.name)?,
@@ -132,12 +172,15 @@ impl TryFrom<&HealthWire> for HealthMessage {
         check_version(wire.version)?;
         let n_cameras = count("cameras", wire.n_cameras, MAX_CAMERAS)?;
         let n_stages = count("stages", wire.n_stages, MAX_STAGES)?;
+        let n_pairs = count("pairs", wire.n_pairs, MAX_PAIRS)?;
+        let pairs = wire.pair_skews.iter().take(n_pairs);
         Ok(Self {
             sequence: wire.sequence,
             uptime_ns: wire.uptime_ns,
             watch: wire.watch.decode()?,
             cameras: wire.cameras.iter().take(n_cameras).map(camera_of).collect::<Result<_, _>>()?,
             stages: wire.stages.iter().take(n_stages).map(stage_of).collect::<Result<_, _>>()?,
+            pair_skews: pairs.map(|pair| pair_of(pair, n_cameras)).collect::<Result<_, _>>()?,
         })
     }
 }
@@ -150,6 +193,31 @@ fn camera_of(wire: &CameraHealthWire) -> Result<CameraHealth, WireError> {
         dropped: wire.dropped,
         last_frame_age_ns: (wire.last_frame_age_ns != NEVER_NS).then_some(wire.last_frame_age_ns),
         fps_hz: not_negative("camera fps_hz", wire.fps_hz)?,
+    })
+}
+
+fn pair_wire(pair: &PairSkew) -> Result<PairSkewWire, WireError> {
+    Ok(PairSkewWire {
+        first: count_wire("pair's first camera", pair.cameras.0, MAX_CAMERAS)?,
+        second: count_wire("pair's second camera", pair.cameras.1, MAX_CAMERAS)?,
+        sets: pair.sets,
+        p50_ns: pair.p50_ns,
+        p99_ns: pair.p99_ns,
+        max_ns: pair.max_ns,
+        beyond: pair.beyond,
+        last_beyond_ns: pair.last_beyond_ns,
+    })
+}
+
+fn pair_of(wire: &PairSkewWire, n_cameras: usize) -> Result<PairSkew, WireError> {
+    Ok(PairSkew {
+        cameras: pair_indices([wire.first, wire.second], n_cameras)?,
+        sets: wire.sets,
+        p50_ns: wire.p50_ns,
+        p99_ns: wire.p99_ns,
+        max_ns: wire.max_ns,
+        beyond: wire.beyond,
+        last_beyond_ns: wire.last_beyond_ns,
     })
 }
 

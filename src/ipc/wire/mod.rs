@@ -16,7 +16,7 @@ mod watch;
 pub use archive::{ArchiveRequestWire, ArchiveResponseWire};
 pub use calibration::{CalibrationWire, CameraWire, PairWire};
 pub use control::{RequestWire, ResponseWire};
-pub use health::{CameraHealthWire, HealthWire, StageWire};
+pub use health::{CameraHealthWire, HealthWire, PairSkewWire, StageWire};
 pub use parts::{FixedText, MotionWire, ReasonWire};
 pub use progress::{CameraLinesWire, ProgressWire};
 pub use watch::{MovedWire, WatchWire};

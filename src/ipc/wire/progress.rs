@@ -3,12 +3,17 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::parts::{state_code, state_of};
-use super::{MAX_CAMERAS, VERSION, WireError, check_version, count, count_wire, flag, pair_indices};
-use crate::ipc::message::{BestPair, CameraLines, FrameSetCounts, ProgressMessage, Skew};
+use super::{
+    MAX_CAMERAS, VERSION, WireError, check_version, code_of, count, count_wire, flag, not_negative,
+    pair_indices, value_of,
+};
+use crate::ipc::message::{
+    BestPair, CameraLines, FrameSetCounts, ProgressMessage, RefusedCounts, Skew, TurnSense, Turning,
+};
 
 /// How collecting goes, in shared memory.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[type_name("PelicalProgressV3")]
 pub struct ProgressWire {
     /// [`VERSION`].
@@ -27,14 +32,22 @@ pub struct ProgressWire {
     pub seen: u64,
     /// Frame sets taken as evidence.
     pub used: u64,
-    /// Frame sets refused.
-    pub refused: u64,
+    /// Frame sets refused for skew.
+    pub refused_skew: u64,
+    /// Frame sets refused because a gyro said that the rig turned fast.
+    pub refused_gyro: u64,
+    /// Frame sets refused because an image moved fast.
+    pub refused_image: u64,
+    /// Frame sets refused because nothing was new in them.
+    pub refused_repeated: u64,
     /// Frame sets lost because a stage was busy.
     pub dropped: u64,
     /// Skew of the newest set, ns.
     pub skew_last_ns: u64,
     /// Largest skew, ns.
     pub skew_max_ns: u64,
+    /// How fast the rig turns, rad/s; 0 where nothing tells.
+    pub turn_rad_per_s: f64,
     /// Cameras in use.
     pub n_cameras: u32,
     /// 1 where the best pair is known.
@@ -47,6 +60,10 @@ pub struct ProgressWire {
     pub best_matches: u32,
     /// 1 when a camera was moved since the result was made.
     pub is_moved: u32,
+    /// What tells how fast the rig turns: 1 gyro, 2 image; 0 nothing.
+    pub turn_by: u32,
+    /// Zero.
+    pub reserved: u32,
     /// Lines of the newest frame set.
     pub cameras: [CameraLinesWire; MAX_CAMERAS],
 }
@@ -76,16 +93,22 @@ impl TryFrom<&ProgressMessage> for ProgressWire {
             latency_ns: message.latency_ns,
             seen: message.frame_sets.seen,
             used: message.frame_sets.used,
-            refused: message.frame_sets.refused,
+            refused_skew: message.frame_sets.refused.skew,
+            refused_gyro: message.frame_sets.refused.gyro,
+            refused_image: message.frame_sets.refused.image,
+            refused_repeated: message.frame_sets.refused.repeated,
             dropped: message.frame_sets.dropped,
             skew_last_ns: message.skew.last_ns,
             skew_max_ns: message.skew.max_ns,
+            turn_rad_per_s: message.turning.map_or(0.0, |turning| turning.rad_per_s),
             n_cameras: count_wire("cameras", message.cameras.len(), MAX_CAMERAS)?,
             has_best_pair: u32::from(message.best_pair.is_some()),
             best_target: count_wire("best pair target", best.target, MAX_CAMERAS)?,
             best_source: count_wire("best pair source", best.source, MAX_CAMERAS)?,
             best_matches: count_wire("best pair matches", best.matches, u32::MAX as usize)?,
             is_moved: u32::from(message.is_moved),
+            turn_by: message.turning.map_or(0, |turning| code_of(&TurnSense::ALL, &turning.sense)),
+            reserved: 0,
             cameras: [CameraLinesWire { lines: 0, lifted: 0 }; MAX_CAMERAS],
         };
         for (slot, camera) in wire.cameras.iter_mut().zip(&message.cameras) {
@@ -113,14 +136,28 @@ impl TryFrom<&ProgressWire> for ProgressMessage {
             frame_sets: FrameSetCounts {
                 seen: wire.seen,
                 used: wire.used,
-                refused: wire.refused,
+                refused: RefusedCounts {
+                    skew: wire.refused_skew,
+                    gyro: wire.refused_gyro,
+                    image: wire.refused_image,
+                    repeated: wire.refused_repeated,
+                },
                 dropped: wire.dropped,
             },
             cameras: wire.cameras.iter().take(n_cameras).map(lines).collect(),
             best_pair: best_pair_of(wire, n_cameras)?,
             skew: Skew { last_ns: wire.skew_last_ns, max_ns: wire.skew_max_ns },
+            turning: turning_of(wire)?,
         })
     }
+}
+
+fn turning_of(wire: &ProgressWire) -> Result<Option<Turning>, WireError> {
+    if wire.turn_by == 0 {
+        return Ok(None);
+    }
+    let rad_per_s = not_negative("turn_rad_per_s", wire.turn_rad_per_s)?;
+    Ok(Some(Turning { rad_per_s, sense: value_of(&TurnSense::ALL, wire.turn_by, "turn_by")? }))
 }
 
 fn best_pair_of(wire: &ProgressWire, n_cameras: usize) -> Result<Option<BestPair>, WireError> {

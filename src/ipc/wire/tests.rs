@@ -68,10 +68,16 @@ fn progress() -> ProgressMessage {
         latency_ns: 7,
         state: State::Collecting,
         is_moved: true,
-        frame_sets: FrameSetCounts { seen: 10, used: 7, refused: 2, dropped: 1 },
+        frame_sets: FrameSetCounts {
+            seen: 10,
+            used: 7,
+            refused: RefusedCounts { skew: 2, gyro: 3, image: 4, repeated: 5 },
+            dropped: 1,
+        },
         cameras: vec![CameraLines { lines: 80, lifted: 61 }, CameraLines { lines: 40, lifted: 12 }],
         best_pair: Some(BestPair { target: 0, source: 1, matches: 9 }),
         skew: Skew { last_ns: 1, max_ns: 2 },
+        turning: Some(Turning { rad_per_s: 0.7, sense: TurnSense::Image }),
     }
 }
 
@@ -105,6 +111,15 @@ fn health() -> HealthMessage {
         watch: Some(watch()),
         cameras: vec![camera(CameraState::Streaming, Some(0)), camera(CameraState::Waiting, None)],
         stages: vec![StageLatency { stage: "detect".to_owned(), p50_ns: 4, p99_ns: 5, total_ns: 6 }],
+        pair_skews: vec![PairSkew {
+            cameras: (0, 1),
+            sets: 7,
+            p50_ns: 8,
+            p99_ns: 9,
+            max_ns: 10,
+            beyond: 11,
+            last_beyond_ns: 12,
+        }],
     }
 }
 
@@ -142,10 +157,13 @@ fn the_layouts_are_frozen() {
     assert_eq!(offset_of!(PairWire, residual_px), 32);
     assert_eq!(offset_of!(PairWire, lead), 48);
     assert_eq!(offset_of!(PairWire, reason), 112);
-    assert_eq!(size_of::<ProgressWire>(), 240);
-    assert_eq!(offset_of!(ProgressWire, n_cameras), 88);
-    assert_eq!(offset_of!(ProgressWire, cameras), 112);
-    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 72 + 8 * 64);
+    assert_eq!(size_of::<ProgressWire>(), 280);
+    assert_eq!(offset_of!(ProgressWire, refused_skew), 56);
+    assert_eq!(offset_of!(ProgressWire, turn_rad_per_s), 112);
+    assert_eq!(offset_of!(ProgressWire, n_cameras), 120);
+    assert_eq!(offset_of!(ProgressWire, cameras), 152);
+    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 72 + 8 * 64 + 120 * 56);
+    assert_eq!(offset_of!(HealthWire, pair_skews), 32 + 344 + 16 * 72 + 8 * 64);
     assert_eq!(offset_of!(HealthWire, watch), 32);
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
@@ -448,4 +466,33 @@ proptest! {
             prop_assert!(message.provenance.id.is_some_and(|id| id < 18));
         }
     }
+}
+
+#[test]
+fn a_spoiled_turn_rate_or_pair_is_refused() {
+    for spoil in [|w: &mut ProgressWire| w.turn_by = 3, |w: &mut ProgressWire| w.turn_rad_per_s = f64::NAN] {
+        let mut wire = ProgressWire::try_from(&progress()).expect("fits");
+        spoil(&mut wire);
+        let error = ProgressMessage::try_from(&wire).expect_err("spoiled").to_string();
+        assert!(error.contains("turn_"), "{error}");
+    }
+    for spoil in [
+        |w: &mut HealthWire| w.pair_skews[0].second = 0,
+        |w: &mut HealthWire| w.pair_skews[0].second = 2,
+        |w: &mut HealthWire| w.n_pairs = 121,
+    ] {
+        let mut wire = HealthWire::try_from(&health()).expect("fits");
+        spoil(&mut wire);
+        let error = HealthMessage::try_from(&wire).expect_err("spoiled").to_string();
+        assert!(error.contains("pair"), "{error}");
+    }
+}
+
+#[test]
+fn a_long_firmware_is_cut_and_does_not_keep_the_result_from_being_published() {
+    let mut message = calibration();
+    message.cameras[0].firmware = Some("5.16.0.1 ".repeat(10));
+    let wire = CalibrationWire::try_from(&message).expect("fits");
+    let firmware = CalibrationMessage::try_from(&wire).expect("whole").cameras[0].firmware.clone();
+    assert_eq!(firmware.expect("there").len(), MAX_NAME_BYTES);
 }

@@ -193,3 +193,31 @@ fn every_frame_comes_out_exactly_once_for_random_stamps() {
     assert_eq!(in_sets + bench.recycled.len() + waiting, pushed);
     assert!(in_sets > 300, "only {in_sets} frames in sets");
 }
+
+#[test]
+fn frames_without_a_partner_are_told_with_the_nearest_camera_and_its_distance() {
+    let mut bench = Bench::new(3);
+    // Cameras 0 and 1 in step, 2 half a period behind them.
+    for start_ms in [0, 33, 66] {
+        for (camera, offset_ms) in [(0, 0), (1, 3), (2, 15)] {
+            bench.push(camera, start_ms + offset_ms);
+        }
+    }
+    assert_eq!(bench.sets().len(), 3);
+    let told: Vec<BeyondLimit> = bench.matcher.drain_beyond().collect();
+    assert_eq!(told, [BeyondLimit { cameras: (2, 1), gap_ns: 12 * MS as u64 }], "the second in a row");
+    assert_eq!(bench.matcher.drain_beyond().count(), 0, "told once");
+}
+
+#[test]
+fn a_lost_frame_of_another_camera_is_no_skew() {
+    let mut bench = Bench::new(2);
+    for start_ms in [0, 33, 66, 99] {
+        bench.push(0, start_ms);
+        if start_ms != 33 {
+            bench.push(1, start_ms + 2);
+        }
+    }
+    assert_eq!(bench.sets().len(), 3);
+    assert_eq!(bench.matcher.drain_beyond().count(), 0);
+}

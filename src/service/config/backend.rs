@@ -57,7 +57,7 @@ impl CamerasConfig {
     pub fn factory(&self) -> Result<Box<dyn DeviceFactory>, CaptureError> {
         let backend: Box<dyn DeviceFactory> = match &self.backend {
             BackendConfig::Replay(recording, options) => {
-                Box::new(ReplayFactory::new(Recording::open(recording)?, *options)?)
+                Box::new(ReplayFactory::new(Recording::open_all(&recording.0)?, *options)?)
             }
             BackendConfig::Synthetic(options) => Box::new(SyntheticFactory::new(options.clone())),
             BackendConfig::Realsense(options) => realsense::factory(options)?,

@@ -1,10 +1,11 @@
 //! From the sections of the file to checked options in internal units.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::convert::synthetic_options;
 use super::error::Refusal;
+use super::recording::RecordingPaths;
 use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSection, Pace, ReplaySection};
 use super::store::StoreConfig;
 use super::supervision::ReadyWhen;
@@ -56,8 +57,8 @@ pub struct CamerasConfig {
 /// Where frames come from, with the options of that back end only.
 #[derive(Debug, Clone)]
 pub enum BackendConfig {
-    /// A recording folder.
-    Replay(PathBuf, ReplayOptions),
+    /// A recording folder, or bags.
+    Replay(RecordingPaths, ReplayOptions),
     /// A rendered room.
     Synthetic(SyntheticOptions),
     /// RealSense cameras.
@@ -96,7 +97,7 @@ impl Config {
     /// The same with relative paths read from `folder`, which is the config file's.
     pub fn relative_to(mut self, folder: &Path) -> Self {
         match &mut self.cameras.backend {
-            BackendConfig::Replay(recording, _) => *recording = folder.join(&recording),
+            BackendConfig::Replay(recording, _) => *recording = recording.relative_to(folder),
             BackendConfig::Realsense(options) => {
                 options.playback.iter_mut().for_each(|recording| *recording = folder.join(&recording));
             }
@@ -125,10 +126,12 @@ impl TryFrom<&CamerasSection> for CamerasConfig {
             |entry: &CameraEntry| CameraChoice { name: entry.name.clone(), serial: entry.serial.0.clone() };
         let backend = match file.backend {
             Backend::Replay => {
-                let what = "is missing: the back end `replay` needs the folder of a recording";
+                let what = "is missing: the back end `replay` needs the folder of a recording, or .bag files";
                 let recording = file.replay.recording.clone();
-                let recording = recording.ok_or_else(|| Refusal::new("cameras.replay.recording", what))?;
-                if recording.as_os_str().is_empty() {
+                if recording.0.is_empty() {
+                    return Err(Refusal::new("cameras.replay.recording", what));
+                }
+                if recording.0.iter().any(|path| path.as_os_str().is_empty()) {
                     return Err(Refusal::new("cameras.replay.recording", what.replace("missing", "empty")));
                 }
                 BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))

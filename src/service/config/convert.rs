@@ -18,7 +18,7 @@ use crate::solver::{EstimateOptions, EvidenceLimits, VerdictLimits};
 /// Names the first value out of range.
 pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Refusal> {
     within("lines.threads", file.lines.threads as f64, (0.0, 64.0))?;
-    within("sync.max_speed_px_per_s", file.sync.max_speed_px_per_s, (1.0, 100_000.0))?;
+    within("sync.max_turn_deg_per_s", file.sync.max_turn_deg_per_s, (0.1, 10_000.0))?;
     within("estimate.min_new_sets", f64::from(file.estimate.min_new_sets), (1.0, 1_000.0))?;
     Ok(PipelineOptions {
         detect: detect_options(&file.lines)?,
@@ -28,7 +28,7 @@ pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Ref
             learned: super::matcher::learned_options(&file.matcher)?,
         },
         estimate: estimate_options(&file.estimate)?,
-        motion: MotionOptions { max_speed_px_per_s: file.sync.max_speed_px_per_s },
+        motion: MotionOptions { max_turn_rad_per_s: file.sync.max_turn_deg_per_s.to_radians() },
         sync: sync_options(&file.sync)?,
         solve: SolveOptions { min_new_sets: file.estimate.min_new_sets, ..SolveOptions::default() },
         watch: super::watch::watch_limits(&file.watch)?,

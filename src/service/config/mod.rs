@@ -11,6 +11,7 @@ mod ipc;
 mod locate;
 mod matcher;
 mod realsense;
+mod recording;
 mod sections;
 mod serial;
 mod store;

@@ -2,7 +2,6 @@
 //!
 //! Nothing is checked here but shape and spelling; ranges are checked where the sections become [`super::Config`].
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -12,6 +11,7 @@ use super::faults::FaultsSection;
 use super::ipc::IpcSection;
 use super::matcher::MatcherSection;
 use super::realsense::{RealsenseSection, RecoverySection};
+use super::recording::RecordingPaths;
 use super::serial::Serial;
 use super::store::StoreSection;
 use super::supervision::ServiceSection;
@@ -176,8 +176,8 @@ pub struct CameraEntry {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "a section of keys with values")]
 pub struct ReplaySection {
-    /// The recording's folder; must be given for the back end `replay`.
-    pub recording: Option<PathBuf>,
+    /// The recording's folder or bags; must be given for the back end `replay`.
+    pub recording: RecordingPaths,
     /// How fast frames come.
     pub pace: Pace,
     /// Whether to start over at the end.
@@ -189,7 +189,7 @@ pub struct ReplaySection {
 
 impl Default for ReplaySection {
     fn default() -> Self {
-        Self { recording: None, pace: Pace::RealTime, repeat: false, preload: false }
+        Self { recording: RecordingPaths::default(), pace: Pace::RealTime, repeat: false, preload: false }
     }
 }
 
@@ -291,8 +291,8 @@ pub struct SyncSection {
     pub stalled_after_ms: f64,
     /// A camera that is stalled for this long is opened again.
     pub reopen_after_ms: f64,
-    /// Frame sets taken in faster motion are not used.
-    pub max_speed_px_per_s: f64,
+    /// Frame sets taken while the rig turns faster are not used.
+    pub max_turn_deg_per_s: f64,
 }
 
 impl Default for SyncSection {
@@ -304,7 +304,8 @@ impl Default for SyncSection {
             wait_ms: ms(sync.wait),
             stalled_after_ms: ms(sync.stalled_after),
             reopen_after_ms: ms(sync.reopen_after),
-            max_speed_px_per_s: motion.max_speed_px_per_s,
+            // People write 60, not 59.99999999999999.
+            max_turn_deg_per_s: (motion.max_turn_rad_per_s.to_degrees() * 1e6).round() / 1e6,
         }
     }
 }

@@ -135,7 +135,28 @@ fn a_relative_recording_lies_beside_the_config_file() {
     std::fs::write(&file, "cameras: {backend: replay, replay: {recording: rec}}\n").expect("written");
     let (_, config) = load(&file).expect("valid");
     let BackendConfig::Replay(recording, _) = config.cameras.backend else { panic!("replay was asked for") };
-    assert_eq!(recording, folder.path().join("rec"));
+    assert_eq!(recording.0, [folder.path().join("rec")]);
+}
+
+#[test]
+fn a_recording_is_one_path_or_a_list_of_bags_and_printed_as_such() {
+    for (written, paths, printed) in [
+        ("rec", vec!["rec"], "recording: rec\n"),
+        ("[b.bag, a.bag]", vec!["b.bag", "a.bag"], "recording:\n    - b.bag\n    - a.bag\n"),
+    ] {
+        let text = format!("cameras: {{backend: replay, replay: {{recording: {written}}}}}\n");
+        let file: ConfigFile = serde_yaml::from_str(&text).expect("valid");
+        let wanted: Vec<std::path::PathBuf> = paths.into_iter().map(Into::into).collect();
+        assert_eq!(file.cameras.replay.recording.0, wanted);
+        let effective = serde_yaml::to_string(&file).expect("printable");
+        assert!(effective.contains(printed), "{effective}");
+        assert_eq!(serde_yaml::from_str::<ConfigFile>(&effective).expect("readable again"), file);
+    }
+    check_refused(
+        "cameras: {backend: replay, replay: {recording: 5}}\n",
+        &["c.yaml:1", "a list of .bag files"],
+    );
+    check_refused("cameras: {backend: replay, replay: {recording: []}}\n", &["is missing"]);
 }
 
 #[test]

@@ -110,3 +110,17 @@ fn the_same_fault_is_said_once_and_ends_when_the_disk_works_again() {
     take(Report::Saved { id: 1 }, &mut fault);
     assert_eq!(fault, None);
 }
+
+#[test]
+fn the_firmware_of_the_cameras_is_kept_and_served_before_any_camera_is_opened() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut cameras = rig(["1", "2"]);
+    cameras[1].firmware = Some("5.16.0.1".to_owned());
+    let mut storing = open(folder.path(), 50);
+    storing.add(&calibrated(&cameras, 0.1), FrameSets::default());
+    storing.finish();
+    let next = open(folder.path(), 50).newest_for(&rig(["1", "2"])).expect("it was kept");
+    let served = message(&next, State::Stored);
+    assert_eq!(served.cameras[1].firmware.as_deref(), Some("5.16.0.1"));
+    assert_eq!(served.cameras[0].firmware, None);
+}

@@ -126,6 +126,7 @@ fn evidence_of(sets: &[Vec<Option<CameraView>>]) -> Evidence {
 fn ranked(pair: PairEvidence<'_>) -> Ranking {
     let options = EstimateOptions::default();
     let limits = RankLimits {
+        known: None,
         cameras: &[camera(); 2],
         max_baseline_m: options.max_baseline_m,
         max_free_space_violated: options.verdict.max_free_space_violated,

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, Vector3};
 
-use super::room::{Random, Room, camera, frame_sets, frame_sets_along, room};
+use super::room::{Random, Room, camera, edges, frame_sets, frame_sets_along, room, world_from_rig};
 use crate::geometry::CameraView;
 use crate::geometry::motion::Motion;
 use crate::solver::{
@@ -168,6 +168,24 @@ fn a_camera_that_looks_elsewhere_is_named() {
 #[test]
 fn of_two_cameras_nothing_tells_which_was_moved() {
     check_moved("two", (pair(), 1), (2.0, 20.0), Who::OneOf(0, 1));
+}
+
+#[test]
+fn where_views_are_few_no_coincidence_of_parallel_edges_is_told_as_the_move() {
+    for number in 0..8 {
+        let beside = Motion::new(Vector3::new(0.25, 0.0, 0.0), Vector3::new(0.0, 0.26, 0.0));
+        let mut trial = Trial::new(&format!("few views {number}"), vec![Motion::identity(), beside]);
+        trial.room = edges(&mut trial.random, 150, |_, k| Vector3::ith(k % 3, 1.0));
+        trial.knock(1, 3.0, 20.0);
+        let places: Vec<Motion> = (0..3).map(|_| world_from_rig(&mut trial.random)).collect();
+        let path: Vec<Motion> = places.iter().cycle().take(9).copied().collect();
+        let sets = frame_sets_along(&mut trial.random, &trial.room, &trial.poses, &path);
+        assert!(trial.alarm_after(&sets).is_some(), "trial {number} tells nothing");
+        let [moved] = trial.report().moved[..] else { panic!("trial {number}") };
+        let off_deg = (moved.rotation_rad.to_degrees() - 3.0).abs();
+        let off_mm = (1e3 * moved.translation_m - 20.0).abs();
+        assert!(off_deg < 0.3 && off_mm < 8.0, "trial {number}: {moved:?}");
+    }
 }
 
 #[test]

@@ -27,8 +27,8 @@ const MIN_LEAD_SHARE: f64 = 0.05;
 const MIN_CONFIRMING: usize = 6;
 /// ... and their least share of those that the calibration had per frame set: chance does not give as many.
 const MIN_USUAL_SHARE: f64 = 0.3;
-/// A pose settled from the frozen one shares most matches with it within this; what strayed further is a coincidence of lines that a
-/// search has to confirm (4 degrees and 10 cm).
+/// A pose settled from the frozen one shares most matches with it within this; what strayed further is a coincidence (4 degrees and
+/// 10 cm).
 const NEAR: PoseGap = PoseGap { rotation_rad: 0.07, translation_m: 0.1 };
 /// A suspected pose that moves more than this from one look to the next was none (0.5 degrees and 15 mm).
 const SAME_SUSPECT: PoseGap = PoseGap { rotation_rad: 0.0087, translation_m: 0.015 };
@@ -36,7 +36,7 @@ const SAME_SUSPECT: PoseGap = PoseGap { rotation_rad: 0.0087, translation_m: 0.0
 const VOUCH_AFTER: u32 = 3;
 /// Fewer lines than this in a view say nothing.
 const MIN_LINES: usize = 3;
-/// A search over all poses takes a hundred times as long as a look near the frozen one; after one in vain, so many sets pass.
+/// A search takes up to a hundred times as long as a look near the frozen pose; after one, so many sets pass before the next.
 const SETS_BETWEEN_SEARCHES: u32 = 4;
 /// A move need not be known as well as a calibration: its uncertainty is part of the test.
 const LOOSER_SIGMA: f64 = 3.0;
@@ -174,16 +174,11 @@ impl PairWatch {
             self.confirmed_matches = Some(support.len());
             return Sight::Confirmed(shift);
         }
-        let found = match usual {
-            // Many lines of several views agree that the pair stands near where it stood: no search.
-            Some(near) if n_views >= bench.options.verdict.min_views => {
-                self.trusted((scene, &alone(near)), &rival, bench)
-            }
-            _ if self.wait > 0 => None,
-            _ => {
-                self.wait = SETS_BETWEEN_SEARCHES;
-                self.search(pair, &rival, bench)
-            }
+        let found = if self.wait > 0 {
+            None
+        } else {
+            self.wait = SETS_BETWEEN_SEARCHES;
+            self.search(pair, (usual.as_ref(), &rival), bench)
         };
         self.suspect = found.as_ref().map(|shift| shift.target_from_source);
         found.map_or(Sight::Silent, Sight::Moved)
@@ -232,9 +227,16 @@ impl PairWatch {
         Some(shift)
     }
 
-    /// Ranks all poses; the move to the best when that is to be trusted.
-    fn search(&self, pair: PairEvidence<'_>, frozen: &Rival, bench: &Bench<'_>) -> Option<Shift> {
+    /// Ranks all poses, or, where many lines agree on one nearby, that and what could rival it; the move to the best when that is to
+    /// be trusted.
+    fn search(
+        &self,
+        pair: PairEvidence<'_>,
+        (nearby, frozen): (Option<&Hypothesis>, &Rival),
+        bench: &Bench<'_>,
+    ) -> Option<Shift> {
         let limits = RankLimits {
+            known: nearby.map(|pose| &pose.refined.target_from_source),
             cameras: bench.cameras,
             max_baseline_m: bench.options.max_baseline_m,
             max_free_space_violated: bench.options.verdict.max_free_space_violated,

@@ -6,7 +6,9 @@ use std::time::Duration;
 use pelical::capture::{CaptureError, RgbdFrame, StampNs};
 use pelical::geometry::camera::Pinhole;
 use pelical::geometry::{Camera, Distortion};
-use pelical::pipeline::offline::{FrameSetReader, OfflineProgress, OfflineRun, SetCounts, run_offline};
+use pelical::pipeline::offline::{
+    FrameSetReader, OfflineProgress, OfflineRun, RefusedSets, SetCounts, run_offline,
+};
 use pelical::pipeline::{PipelineOptions, SyncOptions};
 use pelical::solver::RigCamera;
 
@@ -84,7 +86,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
     };
     let one = with(1);
     assert!(one.1.iter().all(|&lines| lines >= 3 * 2), "lines per camera: {:?}", one.1);
-    assert_eq!(one.2, SetCounts { seen: 3, used: 3, refused: 0 });
+    assert_eq!(one.2, SetCounts { seen: 3, used: 3, refused: RefusedSets::default() });
     for n_threads in [2, 3, 5] {
         assert_eq!(with(n_threads), one, "{n_threads} threads");
     }
@@ -99,7 +101,12 @@ fn sets_with_too_much_skew_or_too_few_frames_are_refused_and_counted() {
         &[None, None, None],
     ]);
     let run = run(&mut sets, 2).expect("readable sets");
-    assert_eq!(run.frame_sets, SetCounts { seen: 4, used: 1, refused: 3 });
+    let refused = RefusedSets { incomplete: 2, skew: 1, ..RefusedSets::default() };
+    assert_eq!(run.frame_sets, SetCounts { seen: 4, used: 1, refused });
+    let [a_b, a_c, b_c] = run.pair_skews[..] else { panic!("{:?}", run.pair_skews) };
+    assert_eq!((a_b.within.count, a_b.beyond, a_b.last_beyond_ms), (0, 1, 20.0));
+    assert_eq!((a_c.within.count, a_c.within.max_ms, a_c.beyond), (2, 3.0, 0));
+    assert_eq!((b_c.first, b_c.second, b_c.beyond), (1, 2, 1));
     assert_eq!(run.lines[1], 0);
 }
 
@@ -123,6 +130,6 @@ fn progress_counts_the_sets_and_then_solves() {
     let mut told = Vec::new();
     let options = PipelineOptions::default();
     run_offline(&mut three_sets(), &rig(), &options, &mut |progress| told.push(progress)).expect("good sets");
-    let counts = |seen| OfflineProgress::Set(SetCounts { seen, used: seen, refused: 0 });
+    let counts = |seen| OfflineProgress::Set(SetCounts { seen, used: seen, refused: RefusedSets::default() });
     assert_eq!(told, [counts(1), counts(2), counts(3), OfflineProgress::Solving]);
 }

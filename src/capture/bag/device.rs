@@ -1,0 +1,178 @@
+//! What a bag says of its devices: one pass over all messages, which keeps where the images are but none of them.
+
+use std::collections::BTreeMap;
+
+use super::file::{BagFile, Place};
+use super::message::{self, GyroSample, Image};
+use super::topic::{Part, Stream, Topic};
+use crate::capture::recording::check_housing;
+use crate::capture::{CameraInfo, CaptureError};
+use crate::geometry::motion::Motion;
+use crate::geometry::{Camera, DepthCamera};
+
+/// m; what registered depth may be away from colour by rounding.
+const NO_SHIFT: f64 = 1e-9;
+
+/// One device of a bag.
+#[derive(Debug, Default)]
+pub(super) struct Device {
+    /// Names and values: "Serial Number".
+    about: BTreeMap<String, String>,
+    /// m, by sensor.
+    depth_units: BTreeMap<u32, f64>,
+    pub(super) color: ImageStream,
+    pub(super) depth: ImageStream,
+    pub(super) gyro: Vec<(Place, GyroSample)>,
+}
+
+/// One stream of images.
+#[derive(Debug, Default)]
+pub(super) struct ImageStream {
+    sensor: u32,
+    camera: Option<Camera>,
+    /// Group and motion into this stream's frame.
+    stream_from_group: Option<(u32, Motion)>,
+    /// In the order of the bag.
+    pub(super) images: Vec<Stamped>,
+    /// Whether the device's own clock made the stamps.
+    pub(super) is_hardware_clock: bool,
+}
+
+/// Where an image is, and when it was taken.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stamped {
+    pub(super) place: Place,
+    pub(super) stamp_ns: i64,
+    /// When it came to the host; `None` where the bag does not say.
+    pub(super) arrival_ns: Option<i64>,
+}
+
+/// Reads every message of a bag once; the devices in their order.
+///
+/// # Errors
+/// When the bag is damaged, or a message that counts cannot be read.
+pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> {
+    let mut devices: BTreeMap<u32, Device> = BTreeMap::new();
+    let read = file.each_message(|place, topic, message| {
+        let (Topic::Device { device }
+        | Topic::DepthUnit { device, .. }
+        | Topic::Image { device, .. }
+        | Topic::Gyro { device }) = topic;
+        devices.entry(device).or_default().take(place, topic, message)
+    });
+    read.map_err(|what| CaptureError::bad_data(file.path(), what))?;
+    Ok(devices.into_values().collect())
+}
+
+impl Device {
+    fn take(&mut self, place: Place, topic: Topic, message: &[u8]) -> Result<(), String> {
+        match topic {
+            Topic::Device { .. } => {
+                let (key, value) = message::key_value(message)?;
+                self.about.insert(key.to_owned(), value.to_owned());
+            }
+            Topic::DepthUnit { sensor, .. } => {
+                self.depth_units.insert(sensor, round_trip(message::number(message)?));
+            }
+            Topic::Gyro { .. } => self.gyro.push((place, GyroSample::parse(message)?)),
+            Topic::Image { sensor, stream, part, .. } => {
+                let stream = match stream {
+                    Stream::Depth => &mut self.depth,
+                    Stream::Color => &mut self.color,
+                };
+                stream.sensor = sensor;
+                stream.take(place, part, message)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What is fixed about the camera; `name` also stands for a serial that the bag does not tell.
+    pub(super) fn camera_info(&self, name: &str) -> Result<CameraInfo, String> {
+        let of = |stream: &ImageStream, what: &str| {
+            stream.camera.filter(|_| !stream.images.is_empty()).ok_or_else(|| {
+                format!("camera \"{name}\" has no {what} images; depth and colour have to be recorded")
+            })
+        };
+        let (color, depth) = (of(&self.color, "colour")?, of(&self.depth, "depth")?);
+        let depth_unit_m = self.depth_units.get(&self.depth.sensor).copied().ok_or_else(|| {
+            format!(
+                "camera \"{name}\" has no depth unit: the option Depth Units of its depth sensor is missing"
+            )
+        })?;
+        if !(depth_unit_m > 0.0 && depth_unit_m <= 1.0) {
+            return Err(format!(
+                "camera \"{name}\" has a depth unit of {depth_unit_m} m; above 0 and at most 1 is allowed"
+            ));
+        }
+        Ok(CameraInfo {
+            name: name.to_owned(),
+            serial: self.serial().unwrap_or(name).to_owned(),
+            camera: color,
+            depth_camera: self
+                .depth_camera(&color, depth)
+                .map_err(|what| format!("camera \"{name}\": {what}"))?,
+            depth_unit_m,
+            firmware: self.about.get("Firmware Version").cloned(),
+        })
+    }
+
+    pub(super) fn serial(&self) -> Option<&str> {
+        self.about.get("Serial Number").map(String::as_str).filter(|serial| !serial.is_empty())
+    }
+
+    /// `None` where depth is registered to colour.
+    fn depth_camera(&self, color: &Camera, camera: Camera) -> Result<Option<DepthCamera>, String> {
+        let Some(color_from_depth) = self.color_from_depth() else {
+            // No two imagers are alike: only aligned depth has the intrinsics of colour.
+            return if camera == *color {
+                Ok(None)
+            } else {
+                Err("the extrinsics between depth and colour are missing".into())
+            };
+        };
+        let shift = color_from_depth.translation.vector.norm().max(color_from_depth.rotation.angle());
+        if shift < NO_SHIFT && camera == *color {
+            return Ok(None);
+        }
+        check_housing(&color_from_depth)?;
+        Ok(Some(DepthCamera { camera, color_from_depth }))
+    }
+
+    /// `None` where the two streams do not refer to the same third.
+    fn color_from_depth(&self) -> Option<Motion> {
+        let (color_group, color_from_group) = self.color.stream_from_group?;
+        let (depth_group, depth_from_group) = self.depth.stream_from_group?;
+        (color_group == depth_group).then(|| color_from_group * depth_from_group.inverse())
+    }
+}
+
+impl ImageStream {
+    fn take(&mut self, place: Place, part: Part, message: &[u8]) -> Result<(), String> {
+        match part {
+            Part::CameraInfo => self.camera = Some(message::camera(message)?),
+            Part::Extrinsics { group } => {
+                self.stream_from_group = Some((group, message::motion(message)?));
+            }
+            Part::Data => {
+                let stamp_ns = Image::stamp_ns(message)?;
+                self.images.push(Stamped { place, stamp_ns, arrival_ns: None });
+            }
+            Part::Metadata => match message::key_value(message)? {
+                ("timestamp_domain", domain) => self.is_hardware_clock = domain == "Hardware Clock",
+                ("Time Of Arrival", ms) => {
+                    if let (Some(image), Ok(ms)) = (self.images.last_mut(), ms.parse::<i64>()) {
+                        image.arrival_ns = ms.checked_mul(1_000_000).filter(|&ns| ns > 0);
+                    }
+                }
+                _ => {}
+            },
+        }
+        Ok(())
+    }
+}
+
+/// The number that was meant by an f32: 0.001, not 0.0010000000474974513.
+fn round_trip(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}

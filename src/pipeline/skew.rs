@@ -1,0 +1,138 @@
+//! How far apart the frames of each two cameras are, over a whole run: any thread may write at any time, in fixed memory.
+//!
+//! Frames that stand in one set and frames that found no partner near enough are told apart: the ones say how well the cameras are in
+//! step, the others how far they are out of it.
+
+use std::time::Duration;
+
+use super::stats::{Counter, Histogram, LatencySummary};
+use crate::capture::StampNs;
+
+/// Two cameras, and how far apart their frames are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairSkew {
+    /// Index of the first camera.
+    pub first: usize,
+    /// Index of the second camera, behind the first.
+    pub second: usize,
+    /// Frames of one moment, within the limit.
+    pub within: LatencySummary,
+    /// How often the nearest frames were further apart than the limit.
+    pub beyond: u64,
+    /// How far apart they were the last time, ms; 0 before the first.
+    pub last_beyond_ms: f64,
+}
+
+/// The skews of all pairs of a rig.
+#[derive(Debug)]
+pub struct SkewBook {
+    n_cameras: usize,
+    /// Each pair once, the first camera's pairs first.
+    pairs: Vec<PairBook>,
+}
+
+#[derive(Debug, Default)]
+struct PairBook {
+    within: Histogram,
+    beyond: Counter,
+    last_beyond_ns: Counter,
+}
+
+impl SkewBook {
+    /// An empty book; allocates all it will ever need.
+    pub fn new(n_cameras: usize) -> Self {
+        let n_pairs = n_cameras * n_cameras.saturating_sub(1) / 2;
+        Self { n_cameras, pairs: (0..n_pairs).map(|_| PairBook::default()).collect() }
+    }
+
+    /// Takes note of frames of one moment, in the order of their cameras.
+    pub fn note_set(&self, stamps: impl Iterator<Item = Option<StampNs>> + Clone, max_skew: Duration) {
+        let present = stamps.enumerate().filter_map(|(camera, stamp)| stamp.map(|stamp| (camera, stamp)));
+        for (first, first_stamp) in present.clone() {
+            for (second, second_stamp) in present.clone().filter(|(second, _)| *second > first) {
+                let gap = Duration::from_nanos(first_stamp.0.abs_diff(second_stamp.0));
+                if gap > max_skew {
+                    self.note_beyond((first, second), gap);
+                } else if let Some(book) = self.book(first, second) {
+                    book.within.record(gap);
+                }
+            }
+        }
+    }
+
+    /// Takes note of frames that are too far apart for one set.
+    pub fn note_beyond(&self, (a, b): (usize, usize), gap: Duration) {
+        if let Some(book) = self.book(a.min(b), a.max(b)) {
+            book.beyond.add_one();
+            book.last_beyond_ns.set(u64::try_from(gap.as_nanos()).unwrap_or(u64::MAX));
+        }
+    }
+
+    /// Each pair once, as it is now.
+    pub fn pairs(&self) -> Vec<PairSkew> {
+        let indices = (0..self.n_cameras)
+            .flat_map(|first| (first + 1..self.n_cameras).map(move |second| (first, second)));
+        indices.zip(&self.pairs).map(|((first, second), book)| book.summary(first, second)).collect()
+    }
+
+    fn book(&self, first: usize, second: usize) -> Option<&PairBook> {
+        let before: usize = (0..first).map(|camera| self.n_cameras - 1 - camera).sum();
+        self.pairs.get(before + second.checked_sub(first + 1)?)
+    }
+}
+
+impl PairBook {
+    fn summary(&self, first: usize, second: usize) -> PairSkew {
+        PairSkew {
+            first,
+            second,
+            within: self.within.summary(),
+            beyond: self.beyond.get(),
+            last_beyond_ms: self.last_beyond_ns.get() as f64 * 1e-6,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMIT: Duration = Duration::from_millis(8);
+
+    fn note(book: &SkewBook, stamps_ms: &[Option<i64>]) {
+        book.note_set(stamps_ms.iter().map(|stamp| stamp.map(|ms| StampNs(ms * 1_000_000))), LIMIT);
+    }
+
+    #[test]
+    fn each_pair_has_its_own_skew() {
+        let book = SkewBook::new(4);
+        for start_ms in 0..100 {
+            note(&book, &[Some(start_ms), Some(start_ms + 1), None, Some(start_ms - 4)]);
+        }
+        let pairs = book.pairs();
+        let indices: Vec<_> = pairs.iter().map(|pair| (pair.first, pair.second)).collect();
+        assert_eq!(indices, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
+        let median_ms: Vec<_> = pairs.iter().map(|pair| (pair.within.count, pair.within.max_ms)).collect();
+        assert_eq!(median_ms, [(100, 1.0), (0, 0.0), (100, 4.0), (0, 0.0), (100, 5.0), (0, 0.0)]);
+        assert!((pairs[4].within.p50_ms - 5.0).abs() < 0.4 && (pairs[4].within.p99_ms - 5.0).abs() < 0.4);
+    }
+
+    #[test]
+    fn what_is_beyond_the_limit_is_counted_apart() {
+        let book = SkewBook::new(2);
+        note(&book, &[Some(0), Some(8)]);
+        note(&book, &[Some(40), Some(29)]);
+        book.note_beyond((1, 0), Duration::from_millis(15));
+        let pair = book.pairs()[0];
+        assert_eq!((pair.within.count, pair.within.max_ms), (1, 8.0));
+        assert_eq!((pair.beyond, pair.last_beyond_ms), (2, 15.0));
+    }
+
+    #[test]
+    fn one_camera_has_no_pair() {
+        let book = SkewBook::new(1);
+        note(&book, &[Some(0)]);
+        book.note_beyond((0, 1), LIMIT);
+        assert_eq!(book.pairs(), []);
+    }
+}
