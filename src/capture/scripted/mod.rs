@@ -190,6 +190,7 @@ impl ScriptedSource {
         }
         self.entered = Some(number);
         for fault in self.device.script.faults(&info.serial, number) {
+            tell(&info.serial, number, fault);
             match fault {
                 Fault::Stall { timeouts } => self.stalls_left = self.stalls_left.saturating_add(timeouts),
                 Fault::Hang { duration } => thread::sleep(duration),
@@ -230,5 +231,13 @@ impl ScriptedSource {
             }
         }
         is_there
+    }
+}
+
+/// Says that a fault is on purpose, and when it began. One that spoils a single frame is not worth a line.
+fn tell(serial: &str, number: u64, fault: Fault) {
+    match fault {
+        Fault::Drop | Fault::ZeroDepth | Fault::HalfBlack => {}
+        _ => tracing::info!(serial, frame = number, ?fault, "a fault is played, as the config asks"),
     }
 }

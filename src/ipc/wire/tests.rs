@@ -368,6 +368,22 @@ fn check_calibration(message: &CalibrationMessage) {
 }
 
 proptest! {
+    #![proptest_config(crate::hostile::properties())]
+
+    #[test]
+    fn a_request_of_any_bytes_is_refused_or_one_of_the_closed_list(
+        codes in proptest::collection::vec(any_code(), 2), id in any::<u64>(), calibration in any::<u64>(),
+    ) {
+        let version = if codes[0] % 2 == 0 { VERSION } else { codes[0] };
+        let wire = RequestWire { version, kind: codes[1], id, calibration };
+        match Request::try_from(&wire) {
+            Ok(request) => prop_assert!((version, RequestWire::from(request)) == (VERSION, wire)),
+            Err(error) => prop_assert!(version != VERSION || error.to_string().contains("request kind")),
+        }
+        let question = ArchiveRequestWire { version, reserved: codes[1], below: id };
+        prop_assert_eq!(question.below().is_ok(), version == VERSION);
+    }
+
     #[test]
     fn a_calibration_of_any_bytes_is_refused_or_sound(
         codes in proptest::collection::vec(any_code(), 12),
