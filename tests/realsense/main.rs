@@ -15,3 +15,4 @@ mod playback;
 mod programs;
 mod recorder;
 mod scenes;
+mod two_paths;
