@@ -57,6 +57,8 @@ pub enum FaultKind {
     Stall,
     /// The device hangs: no call comes back.
     Hang,
+    /// No frame comes until the camera is reset.
+    Wedge,
     /// The camera goes away.
     Unplug,
     /// No depth in the frame.
@@ -126,6 +128,7 @@ impl FaultEntry {
             FaultKind::Hang => {
                 Fault::Hang { duration: duration.unwrap_or(Duration::from_secs_f64(MAX_FOR_S)) }
             }
+            FaultKind::Wedge => Fault::Wedge,
             FaultKind::Unplug => Fault::Unplug(duration.map_or(Replug::Never, Replug::AfterTime)),
             FaultKind::ZeroDepth => Fault::ZeroDepth,
             FaultKind::HalfBlack => Fault::HalfBlack,
