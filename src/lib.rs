@@ -49,6 +49,8 @@
 pub mod capture;
 pub mod cli;
 pub mod geometry;
+#[cfg(test)]
+mod hostile;
 pub mod image;
 pub mod ipc;
 pub mod learned;

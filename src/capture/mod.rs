@@ -5,6 +5,7 @@
 
 mod bag;
 pub mod frame;
+pub mod nesting;
 pub mod realsense;
 pub mod realsense_models;
 pub mod recording;

@@ -22,6 +22,8 @@ pub enum Exit {
     NoResult = 4,
     /// The input data is not what its layout promises.
     BadData = 65,
+    /// A camera hangs in its driver; a new process can open it again.
+    CameraHangs = 74,
     /// The config file is wrong.
     BadConfig = 78,
 }
@@ -58,6 +60,7 @@ impl From<&ServiceError> for Exit {
         match error {
             ServiceError::Config(_) => Exit::BadConfig,
             ServiceError::Rig(error) => Exit::from(error),
+            ServiceError::CameraHangs { .. } => Exit::CameraHangs,
             ServiceError::Server(_)
             | ServiceError::Start(_)
             | ServiceError::System { .. }

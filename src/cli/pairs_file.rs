@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use nalgebra::{Matrix2, Point3, Quaternion, Translation3, UnitQuaternion};
@@ -25,6 +25,8 @@ const SIGMA_INVERSE_DEPTH_PER_M: f64 = 0.0038005;
 const DEFAULT_NOISE_PX: f64 = 0.5;
 /// Noise that is allowed, px; what is said to be less than the least is raised to it, since coordinates are rounded.
 const NOISE_PX: (f64, f64) = (0.02, 100.0);
+/// Longest line of a file: a problem has thousands of matches at most, 300 bytes each.
+const MAX_LINE_BYTES: u64 = 64 << 20;
 /// Coordinates that are allowed, px.
 const MAX_PX: f64 = 1e5;
 /// Depths that are allowed, m.
@@ -98,11 +100,24 @@ pub fn read(path: &Path) -> Result<Vec<KnownProblem>, CliError> {
         return Err(unreadable(&"it is a folder, a file of matched line pairs is expected"));
     }
     let file = File::open(path).map_err(|error| unreadable(&error))?;
+    problems(BufReader::new(file), path)
+}
+
+/// Every problem of an open file.
+fn problems(mut file: impl BufRead, path: &Path) -> Result<Vec<KnownProblem>, CliError> {
     let (mut problems, mut known) = (Vec::new(), BTreeMap::new());
-    for (index, text) in BufReader::new(file).lines().enumerate() {
-        let number = index + 1;
+    for number in 1.. {
         let place = |what: String| bad(format_args!("{}:{number}: {what}", path.display()));
-        let text = text.map_err(|error| place(error.to_string()))?;
+        let mut bytes = Vec::new();
+        let read = file.by_ref().take(MAX_LINE_BYTES + 1).read_until(b'\n', &mut bytes);
+        match read.map_err(|error| place(error.to_string()))? {
+            0 => break,
+            n if n as u64 > MAX_LINE_BYTES => {
+                return Err(place(format!("the line has more than {MAX_LINE_BYTES} bytes")));
+            }
+            _ => {}
+        }
+        let text = std::str::from_utf8(&bytes).map_err(|error| place(error.to_string()))?;
         let text = text.trim_start_matches('\u{feff}').trim();
         if text.is_empty() {
             continue;
@@ -261,6 +276,40 @@ mod tests {
     use nalgebra::Vector2;
 
     use super::*;
+    use crate::hostile::check_any_bytes;
+
+    const PROBLEM: &str = r#"{"id": "a", "noise_px": 0.3, "lines": [
+        {"f": 0, "s2": [100, 200, 300, 220], "t2": [90, 210, 280, 200], "s3": [-0.733333, -0.133333, 2.0, -0.066667, -0.066667, 2.0], "t3": null, "ns": 30, "nt": 0, "o": 0},
+        {"f": 1, "s2": [10.5, 20, 30, 400], "t2": [-9e1, 21, 28, 200.25], "s3": null, "t3": null, "ns": 0, "nt": 0}],
+        "truth": {"q_xyzw": [0, 0, 0, 1], "t_m": [0.1, 0, 0]}}"#;
+
+    #[test]
+    fn line_pairs_of_any_bytes_are_refused_with_their_line_or_sound() {
+        let one = PROBLEM.replace('\n', " ");
+        let two = format!("\u{feff}{one}\r\n\n{}\n", one.replace("\"id\": \"a\"", "\"id\": \"b\""));
+        check_any_bytes("line pairs", &[one.into_bytes(), two.into_bytes()], |bytes| {
+            match problems(bytes, Path::new("p.jsonl")) {
+                Ok(problems) => {
+                    let pairs = problems.iter().map(|known| &known.problem);
+                    assert!(pairs.into_iter().all(|problem| problem.pairs.len() == problem.positions.len()));
+                    let poses = problems.iter().filter_map(|known| known.truth);
+                    assert!(
+                        poses.into_iter().all(|truth| truth.translation.vector.iter().all(|t| t.is_finite()))
+                    );
+                    true
+                }
+                Err(error) => {
+                    let said = error.to_string();
+                    let has_line = said.split(':').nth(1).is_some_and(|number| number.parse::<u32>().is_ok());
+                    assert!(
+                        said.starts_with("p.jsonl:") && (has_line || said.contains("no problem")),
+                        "{said}"
+                    );
+                    false
+                }
+            }
+        });
+    }
 
     #[test]
     fn the_covariance_of_the_depths_is_that_of_the_regression() {

@@ -11,6 +11,7 @@ mod file_service;
 pub mod message;
 pub mod names;
 mod ports;
+mod remains;
 pub mod request;
 pub mod server;
 mod services;

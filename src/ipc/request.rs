@@ -1,6 +1,6 @@
 //! What a client may ask the daemon, and what the daemon answers.
 
-use super::message::CalibrationMessage;
+use super::message::{CalibrationMessage, FrameSetCounts};
 use crate::solver::{Reason, State, WatchReport};
 
 /// What is asked.
@@ -138,8 +138,8 @@ pub struct Snapshot {
     pub store_fault: Option<String>,
     /// Since the daemon started, ns.
     pub uptime_ns: u64,
-    /// Frame sets taken as evidence.
-    pub frame_sets_used: u64,
+    /// What became of the frame sets since collecting began.
+    pub frame_sets: FrameSetCounts,
     /// Cameras of the rig.
     pub cameras: u32,
     /// Of these, delivering frames.

@@ -10,9 +10,11 @@ use iceoryx2::prelude::{
     Service, ServiceName, SignalHandlingMode, ZeroCopySend, set_log_level_from_env_or,
 };
 use iceoryx2::service::builder::{ServiceCreateError, ServiceOpenError};
+use iceoryx2::service::messaging_pattern::MessagingPattern;
 use iceoryx2::service::port_factory;
 
 use super::names::{InstanceName, Topic};
+use super::remains;
 use super::transport::Transport;
 use super::wire::{ArchiveRequestWire, ArchiveResponseWire, RequestWire, ResponseWire};
 
@@ -83,6 +85,8 @@ pub(super) enum Failure {
     },
     /// It has another layout: another release of the program uses it.
     OtherRelease,
+    /// Described, but not there: another process is just making or removing it, or was killed while it did.
+    Unfinished,
     /// Another process is at it, or the system is at fault.
     Other(String),
 }
@@ -96,6 +100,9 @@ impl From<ServiceOpenError> for Failure {
             ServiceOpenError::IncompatiblePayload
             | ServiceOpenError::IncompatibleMessagingPattern
             | ServiceOpenError::VersionMismatch => Failure::OtherRelease,
+            ServiceOpenError::HangsInCreation | ServiceOpenError::ServiceInCorruptedState => {
+                Failure::Unfinished
+            }
             other => Failure::Other(format!("{other:?}")),
         }
     }
@@ -105,6 +112,8 @@ impl From<ServiceCreateError> for Failure {
     fn from(error: ServiceCreateError) -> Self {
         match error {
             ServiceCreateError::InsufficientPermissions => Failure::Denied,
+            ServiceCreateError::ServiceInCorruptedState
+            | ServiceCreateError::IsBeingCreatedByAnotherInstance => Failure::Unfinished,
             other => Failure::Other(format!("{other:?}")),
         }
     }
@@ -169,7 +178,7 @@ impl<'a, S: Service> Participant<'a, S> {
                 .subscriber_max_buffer_size(BUFFERED)
                 .enable_safe_overflow(true)
         };
-        self.open(|| builder().open(), || builder().create())
+        self.open((&name, MessagingPattern::PublishSubscribe), || builder().open(), || builder().create())
     }
 
     /// Requests and answers.
@@ -183,7 +192,7 @@ impl<'a, S: Service> Participant<'a, S> {
                 .max_clients(MAX_CLIENTS)
                 .max_nodes(MAX_CLIENTS + 1)
         };
-        self.open(|| builder().open(), || builder().create())
+        self.open((&name, MessagingPattern::RequestResponse), || builder().open(), || builder().create())
     }
 
     /// Questions for older calibrations and the answers, one at a time for each client: an answer has 80 kB.
@@ -200,7 +209,7 @@ impl<'a, S: Service> Participant<'a, S> {
                 .max_response_buffer_size(1)
                 .max_borrowed_responses_per_pending_response(1)
         };
-        self.open(|| builder().open(), || builder().create())
+        self.open((&name, MessagingPattern::RequestResponse), || builder().open(), || builder().create())
     }
 
     /// An event that wakes the other side.
@@ -215,20 +224,23 @@ impl<'a, S: Service> Participant<'a, S> {
                 .max_nodes(MAX_CLIENTS + 1)
                 .event_id_max_value(events::MAX_ID)
         };
-        self.open(|| builder().open(), || builder().create())
+        self.open((&name, MessagingPattern::Event), || builder().open(), || builder().create())
     }
 
     fn service_name(&self, topic: Topic) -> Result<ServiceName, Failure> {
         ServiceName::new(&self.instance.service(topic)).map_err(|error| Failure::Other(format!("{error:?}")))
     }
 
-    /// Opens or makes a service; waits for other processes that are just creating or removing it.
+    /// Opens or makes a service; waits for other processes that are just creating or removing it, and clears away what is left of one that
+    /// was killed at that.
     fn open<T, O: Into<ServiceOpenError>, C: Into<ServiceCreateError>>(
         &self,
+        (name, pattern): (&ServiceName, MessagingPattern),
         open: impl Fn() -> Result<T, O>,
         create: impl Fn() -> Result<T, C>,
     ) -> Result<T, Failure> {
-        let deadline = Instant::now() + SETTLE;
+        let mut deadline = Instant::now() + SETTLE;
+        let mut may_clear = self.side == Side::Daemon;
         loop {
             let failure = match open().map_err(|error| Failure::from(error.into())) {
                 Ok(service) => return Ok(service),
@@ -238,8 +250,17 @@ impl<'a, S: Service> Participant<'a, S> {
                 },
                 Err(failure) => failure,
             };
-            if !matches!(failure, Failure::Other(_)) || Instant::now() >= deadline {
+            if !matches!(failure, Failure::Unfinished | Failure::Other(_)) {
                 return Err(failure);
+            }
+            if Instant::now() >= deadline {
+                let is_cleared = may_clear
+                    && failure == Failure::Unfinished
+                    && remains::remove::<S>(self.node.config(), name, pattern);
+                if !is_cleared {
+                    return Err(failure);
+                }
+                (may_clear, deadline) = (false, Instant::now() + SETTLE);
             }
             std::thread::sleep(RETRY);
         }

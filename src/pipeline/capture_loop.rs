@@ -1,4 +1,5 @@
-//! One camera's thread: opens the device, pulls frames, reopens what went away. A dead camera is a state, never the end.
+//! One camera's thread: opens the device, pulls frames, reopens what went away, resets what opening does not help. A dead camera is a
+//! state, never the end.
 
 use std::sync::Arc;
 use std::thread;
@@ -10,6 +11,7 @@ use crate::geometry::Camera;
 use super::CameraSlot;
 use super::buffers::FrameSlot;
 use super::event::CameraState;
+use super::recovery::{Ladder, RecoveryOptions, Step};
 use super::shared::Shared;
 
 /// Longest wait inside a source: short, so that a stop is noticed even while a camera stalls.
@@ -26,6 +28,7 @@ pub(super) struct CaptureLoop {
     pub(super) slot: CameraSlot,
     pub(super) camera: usize,
     pub(super) reopen_after: Duration,
+    pub(super) recovery: RecoveryOptions,
 }
 
 /// Why a stream of frames ended.
@@ -49,10 +52,11 @@ impl CaptureLoop {
         let mut pause = BACKOFF.0;
         // A camera that has never been there changes no state, but a wrong serial number should not go unsaid.
         let mut was_told = false;
+        let mut ladder = Ladder::default();
         while !self.shared.is_stopping() {
             self.shared.pulses.cameras[self.camera].turn();
             let frames_before = self.frames();
-            match self.open_and_stream() {
+            let lost = match self.open_and_stream() {
                 StreamEnd::Stopped => return,
                 StreamEnd::Ended => {
                     self.shared.change_camera(self.camera, CameraState::Ended, "");
@@ -64,12 +68,32 @@ impl CaptureLoop {
                         was_told = true;
                     }
                     self.shared.change_camera(self.camera, state, &detail);
+                    state
                 }
-            }
+            };
             let worked = self.frames() > frames_before;
+            if ladder.on_lost(lost, worked, &self.recovery) == Step::Reset && self.reset() {
+                ladder.on_reset();
+            }
             pause = if worked { BACKOFF.0 } else { (pause * 2).min(BACKOFF.1) };
             self.rest(pause);
         }
+    }
+
+    /// Resets the device when it is its turn; whether it was tried.
+    fn reset(&self) -> bool {
+        let CameraSlot { factory, serial, name } = &self.slot;
+        if !self.shared.resets.take(self.shared.since_start(), self.recovery.reset_interval) {
+            return false;
+        }
+        match factory.reset(serial) {
+            Ok(true) => {
+                tracing::warn!(camera = name, "camera was reset, since opening it again did not help")
+            }
+            Ok(false) => tracing::debug!(camera = name, "this back end cannot reset a camera"),
+            Err(error) => tracing::warn!(camera = name, "camera cannot be reset: {error}"),
+        }
+        true
     }
 
     fn frames(&self) -> u64 {

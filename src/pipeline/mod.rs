@@ -31,6 +31,7 @@ mod options;
 mod publish;
 mod pulse;
 mod queues;
+pub mod recovery;
 mod shared;
 pub mod skew;
 mod stage;
@@ -59,6 +60,7 @@ pub use finder::{FindTimes, LineFinder, SegmentLineFinder};
 pub use motion::{MotionOptions, Turn, TurnSense};
 pub use options::{PipelineOptions, SolveOptions, StartError, SyncOptions};
 pub use pulse::{ThreadVitals, Vitals};
+pub use recovery::RecoveryOptions;
 pub use skew::PairSkew;
 pub use stats::{Counts, LatencySummaries, LatencySummary};
 
@@ -200,9 +202,10 @@ impl Pipeline {
         pipeline.add("sync".to_owned(), Box::new(sync))?;
         for (camera, slot) in cameras.into_iter().enumerate() {
             let (shared, reopen_after) = (Arc::clone(&shared), options.sync.reopen_after);
+            let recovery = options.recovery;
             // The system takes no thread name with a zero in it.
             let name = format!("cap-{}", slot.name.replace('\0', ""));
-            let capture = CaptureLoop { shared, slot, camera, reopen_after };
+            let capture = CaptureLoop { shared, slot, camera, reopen_after, recovery };
             let handle = stage::spawn_body(name.clone(), &pipeline.shared, Box::new(|| capture.run()))?;
             pipeline.threads.push((name, handle));
         }

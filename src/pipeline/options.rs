@@ -8,6 +8,7 @@ use crate::solver::{EstimateOptions, WatchLimits};
 use super::MAX_CAMERAS;
 use super::associate::AssociateOptions;
 use super::motion::MotionOptions;
+use super::recovery::RecoveryOptions;
 
 /// Everything that can be chosen about the pipeline.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -30,6 +31,8 @@ pub struct PipelineOptions {
     pub watch: WatchLimits,
     /// Threads of the line stage; 0 takes one per camera, at most one per core.
     pub n_line_threads: usize,
+    /// How a camera that fails is brought back.
+    pub recovery: RecoveryOptions,
 }
 
 impl PipelineOptions {

@@ -11,6 +11,7 @@ use crossbeam_queue::ArrayQueue;
 use super::event::{CameraState, Phase, PipelineEvent};
 use super::pulse::Pulses;
 use super::queues::Queues;
+use super::recovery::ResetTurn;
 use super::skew::SkewBook;
 use super::stats::{Counter, Counters, Latencies};
 use crate::solver::RigCalibration;
@@ -174,6 +175,8 @@ pub(super) struct Shared {
     pub(super) queues: Queues,
     pub(super) wakers: Wakers,
     pub(super) pulses: Pulses,
+    /// Whose turn it is to be reset.
+    pub(super) resets: ResetTurn,
     /// Set while the estimator has time for a frame set to compare its result with. Relaxed: sets go through the queues.
     pub(super) wants_watched_set: AtomicBool,
     /// A result to watch that was not made in this run, with its round; the newest wins.
@@ -208,6 +211,7 @@ impl Shared {
             queues: Queues::new(names.len(), n_line_threads),
             wakers,
             pulses: Pulses::new(names.len(), n_line_threads),
+            resets: ResetTurn::default(),
             wants_watched_set: AtomicBool::new(false),
             given: ArrayQueue::new(1),
             cameras: names.into_iter().map(CameraShared::new).collect(),

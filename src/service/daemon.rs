@@ -22,6 +22,7 @@ use crate::ipc::{
     CalibrationMessage, CameraIdentity, Outcome, Provenance, RefusalCode, Request, RequestKind, Response,
     Server, ServerError, Snapshot,
 };
+use crate::pipeline::recovery::HangWatch;
 use crate::pipeline::{self, Answer, Command, Counts, Pipeline, PipelineEvent, Solved};
 use crate::solver::{RigCalibration, State, WatchReport};
 use crate::store::StoredCalibration;
@@ -54,6 +55,7 @@ struct Daemon {
     /// Messages that could not be published since health was told last, and why the last one could not.
     unpublished: (u32, Option<ServerError>),
     supervisor: Supervisor,
+    hangs: HangWatch,
     reloader: Option<(Reloader, LogHandle)>,
 }
 
@@ -78,6 +80,10 @@ enum End {
     Requested,
     /// A thread of it panicked.
     Bug {
+        thread: String,
+    },
+    /// A camera's thread does not come back from its driver.
+    Hang {
         thread: String,
     },
 }
@@ -137,6 +143,7 @@ fn run_rig(rig: &Rig, server: &Server, (daemon, stop): (&mut Daemon, &Stop)) -> 
                 tracing::info!(hanging = report.abandoned.len(), "stopped");
                 break;
             }
+            End::Hang { thread } => return Err(ServiceError::CameraHangs { thread }),
             End::Bug { thread } if restarts == MAX_RESTARTS => {
                 return Err(ServiceError::Bug { thread, restarts });
             }
@@ -163,7 +170,7 @@ fn open_rig(
     let config = config.clone();
     let opening = std::thread::Builder::new().name("open".to_owned());
     // Nobody receives any more when the daemon has stopped.
-    let spawned = opening.spawn(move || drop(sender.send(Rig::new(&config))));
+    let spawned = opening.spawn(move || drop(sender.send(Rig::awaited(&config))));
     spawned.map_err(|source| ServiceError::System { what: "cannot start a thread", source })?;
     while !stop.is_set() {
         match opened.recv_timeout(POLL) {
@@ -196,6 +203,7 @@ impl Daemon {
             keeps_result: false,
             unpublished: (0, None),
             supervisor,
+            hangs: HangWatch::new(config.pipeline.recovery.leave_after),
             reloader,
         }
     }
@@ -218,6 +226,9 @@ impl Daemon {
             self.reload_when_asked();
             if self.supervisor.is_due() {
                 self.be_looked_at(&live.pipeline);
+                if let Some(thread) = self.hangs.look(&live.pipeline.vitals(), Instant::now()) {
+                    return End::Hang { thread };
+                }
             }
         }
         End::Requested
@@ -229,6 +240,10 @@ impl Daemon {
             End::Requested => {
                 self.life.on_stop();
                 self.supervisor.stopping("stopping");
+            }
+            End::Hang { thread } => {
+                self.life.on_stop();
+                self.supervisor.stopping(&format!("leaving: {thread} hangs in a driver"));
             }
             End::Bug { .. } => {
                 // What is served the next pipeline goes on watching.
@@ -459,7 +474,7 @@ impl Daemon {
             calibration_stamp_ns: self.published.as_ref().map(|message| message.stamp_ns),
             store_fault: self.storing.fault().map(str::to_owned),
             uptime_ns: self.health.uptime_ns(),
-            frame_sets_used: self.progress.frame_sets(&pipeline.counts).used,
+            frame_sets: self.progress.frame_sets(&pipeline.counts),
             cameras: pipeline.cameras.len() as u32,
             cameras_streaming: state::streaming(pipeline) as u32,
         }

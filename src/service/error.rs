@@ -27,6 +27,15 @@ pub enum ServiceError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A camera's driver does not come back: only the end of the process frees what it holds.
+    #[error(
+        "thread \"{thread}\" hangs in the driver of its camera: leaving, so that a new process can open it again \
+         (cameras.recovery.leave_after_s)"
+    )]
+    CameraHangs {
+        /// The thread.
+        thread: String,
+    },
     /// The pipeline failed again and again: a bug.
     #[error(
         "thread \"{thread}\" panicked again after {restarts} restarts: giving up; the log says where, please report it"

@@ -1,6 +1,8 @@
 //! The cameras of the daemon and what is done with their frames, as the config says: a pipeline, and the next one after a bug.
 
 use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
 
 use crossbeam_channel::Sender;
 
@@ -9,6 +11,9 @@ use super::error::ServiceError;
 use crate::capture::DeviceFactory;
 use crate::ipc::CameraIdentity;
 use crate::pipeline::{CameraSlot, Parts, Pipeline, PipelineEvent, PipelineOptions, Snapshot};
+
+/// How often cameras that the config does not name are looked for.
+const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// What the pipeline is started with, and started again after a bug.
 pub struct Rig {
@@ -23,6 +28,30 @@ pub struct Rig {
 }
 
 impl Rig {
+    /// As [`Rig::new`], but cameras that the config does not name are waited for until two are there: a robot may start before its
+    /// bus does.
+    ///
+    /// # Errors
+    /// As [`Rig::new`].
+    pub fn awaited(config: &Config) -> Result<Self, ServiceError> {
+        let mut was_told = false;
+        loop {
+            let rig = Self::new(config);
+            match &rig {
+                Err(ServiceError::Rig(error @ (RigError::NoCamera { .. } | RigError::OneCamera { .. })))
+                    if config.cameras.is_live() =>
+                {
+                    if !was_told {
+                        tracing::warn!("cameras are waited for: {error}");
+                        was_told = true;
+                    }
+                    thread::sleep(LOOK_AGAIN);
+                }
+                _ => return rig,
+            }
+        }
+    }
+
     /// Opens the back end.
     ///
     /// # Errors

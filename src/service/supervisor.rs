@@ -171,6 +171,7 @@ fn status(standing: &Standing<'_>, waits_for: Option<ReadyWhen>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ipc::FrameSetCounts;
     use crate::pipeline::ThreadVitals;
     use crate::solver::{Reason, ReasonCode};
 
@@ -194,7 +195,7 @@ mod tests {
             calibration_stamp_ns: None,
             store_fault: None,
             uptime_ns: 0,
-            frame_sets_used: 0,
+            frame_sets: FrameSetCounts::default(),
             cameras: 2,
             cameras_streaming: streaming,
         }

@@ -67,6 +67,9 @@ fn a_fault_that_cannot_be_meant_is_refused() {
         ("fault: drop, chance: 2", "0 to 1"),
         ("fault: stall, at_frame: 1, for_s: -1", "out of range"),
         ("fault: drop, at_frame: 1, serial: 12", "twice"),
+        ("fault: stamp_jump, at_frame: 1", "stamp_jump needs it"),
+        ("fault: stall, at_frame: 1, by_ms: 5", "no other fault has it"),
+        ("fault: stamp_jump, at_frame: 1, by_ms: 1e9", "out of range"),
     ] {
         env.write("c.yaml", &format!("cameras:\n  faults:\n    list:\n    - {{serial: \"1\", {fault}}}\n"));
         let ended = env.pelicald(&["--config", "c.yaml", "--check-config"]).expect_code(78);

@@ -92,7 +92,7 @@ fn snapshot() -> Snapshot {
         calibration_stamp_ns: None,
         store_fault: None,
         uptime_ns: 7,
-        frame_sets_used: 2,
+        frame_sets: FrameSetCounts { used: 2, ..FrameSetCounts::default() },
         cameras: 2,
         cameras_streaming: 2,
     }
@@ -464,6 +464,29 @@ fn clients_of_the_files_leave_nothing_behind_and_nothing_is_in_shared_memory() {
     drop(daemon);
     let left = files_below(folder.path());
     assert!(left.len() <= 1, "the end leaves {left:?}");
+}
+
+#[test]
+fn a_daemon_starts_where_another_was_killed_while_it_made_its_services() {
+    let (folder, instance) = (tempfile::tempdir().expect("a temporary folder"), unique_instance());
+    let over = Transport::files(folder.path());
+    let services = folder.path().join("ipc/services");
+    let daemon = Daemon::start(&over, &instance);
+    // A started daemon has answered once.
+    Client::connect_over(&over, &instance).expect("the daemon runs").status(PLENTY).expect("answered");
+    let described: Vec<(std::path::PathBuf, Vec<u8>)> = files_below(&services)
+        .into_iter()
+        .map(|file| (file.clone().into(), std::fs::read(file).expect("readable")))
+        .collect();
+    assert_eq!(described.len(), 7, "one description for each topic");
+    drop(daemon);
+    assert!(files_below(&services).is_empty(), "a clean end leaves nothing");
+    // One that was made but for its memory, and one that was not even written.
+    std::fs::write(&described[0].0, &described[0].1).expect("written");
+    std::fs::write(&described[1].0, "").expect("written");
+    let _daemon = Daemon::start(&over, &instance);
+    let mut client = Client::connect_over(&over, &instance).expect("the daemon runs");
+    client.status(PLENTY).expect("answered");
 }
 
 #[test]

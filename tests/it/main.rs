@@ -28,6 +28,7 @@ mod motion_gate;
 mod packaging;
 mod paper;
 mod pipeline;
+mod recovery;
 mod replay;
 mod scripted;
 mod solve;

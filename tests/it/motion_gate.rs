@@ -104,6 +104,7 @@ fn frames_beyond_the_limit_form_no_set_and_are_counted() {
     let status =
         env.wait_for_status("refused sets", |status| skew(status)["beyond"].as_u64().unwrap_or(0) > 20);
     assert_eq!((&status["frame_sets"]["seen"], &skew(&status)["sets"]), (&0.into(), &0.into()), "{status}");
+    assert!(status["frame_sets"]["refused_for"]["skew"].as_u64().unwrap() > 5, "{status}");
     assert!((skew(&status)["last_beyond_ms"].as_f64().unwrap() - 0.15).abs() < 1e-6, "{status}");
     daemon.signal("TERM");
     daemon.wait().expect_code(0);

@@ -74,7 +74,7 @@ impl Manager {
 
 fn text(fixture: &Fixture, faults: &str, more: &str) -> String {
     format!(
-        "cameras:\n  backend: replay\n  replay: {{recording: {}, loop: true}}\n  faults:\n    list: [{faults}]\n\
+        "cameras:\n  backend: replay\n  replay: {{recording: {}, loop: true}}\n  recovery: {{leave_after_s: null}}\n  faults:\n    list: [{faults}]\n\
          sync: {{stalled_after_ms: 300, reopen_after_ms: 60000}}\n{more}",
         fixture.path().display(),
     )

@@ -3,7 +3,6 @@
 use std::thread;
 use std::time::Duration;
 
-use pelical::capture::realsense::{Pace, RealsenseFactory, RealsenseOptions};
 use pelical::capture::{CaptureError, DeviceFactory, RgbdFrame, StampClock, StampNs};
 use pelical::geometry::Distortion;
 use tempfile::tempdir;
@@ -15,7 +14,9 @@ use crate::scenes::{
 
 /// The recorded frames are the last of what is played: before them stand those that the recorder may lose.
 fn recorded(frames: &[RgbdFrame]) -> &[RgbdFrame] {
-    let n_warm_up = frames.len().checked_sub(N_FRAMES).expect("every recorded frame is played");
+    let n_warm_up = frames.len().checked_sub(N_FRAMES).unwrap_or_else(|| {
+        panic!("{:?}", frames.iter().map(|f| (f.sequence, f.stamp.0 / 1000000)).collect::<Vec<_>>())
+    });
     assert!(n_warm_up <= 3, "{} frames are played", frames.len());
     &frames[n_warm_up..]
 }
@@ -171,21 +172,4 @@ fn a_lens_that_is_not_known_is_refused() {
     record(&script, &path);
     let refused = factory(&[path]).open(SERIALS[0]).err().expect("a fish-eye").to_string();
     assert!(refused.contains("kannala_brandt4") && refused.contains(SERIALS[0]), "{refused}");
-}
-
-#[test]
-fn in_real_time_frames_come_as_far_apart_as_they_were_recorded() {
-    let folder = tempdir().unwrap();
-    let playback = two_cameras(folder.path())[..1].to_vec();
-    let options = RealsenseOptions { playback, pace: Pace::RealTime, ..RealsenseOptions::default() };
-    let mut source = RealsenseFactory::new(options).open(SERIALS[0]).unwrap();
-    let mut frame = RgbdFrame::default();
-    source.next_frame(&mut frame, Duration::from_secs(5)).unwrap();
-    let (began, first) = (std::time::Instant::now(), frame.stamp);
-    for _ in 0..10 {
-        source.next_frame(&mut frame, Duration::from_secs(5)).unwrap();
-    }
-    let (passed, recorded) =
-        (began.elapsed(), Duration::from_nanos((frame.stamp.0 - first.0).unsigned_abs()));
-    assert!(passed > recorded / 2, "{recorded:?} were played in {passed:?}");
 }

@@ -20,11 +20,33 @@ mod raw;
 mod settings;
 #[cfg(feature = "realsense")]
 mod source;
+#[cfg(feature = "realsense")]
+mod streams;
 pub mod turning;
+
+use super::{CaptureError, DeviceFactory};
 
 #[cfg(feature = "realsense")]
 pub use factory::RealsenseFactory;
 pub use options::{Pace, RealsenseOptions, VideoMode};
+
+/// The back end with these options.
+///
+/// # Errors
+/// Where the program was built without it.
+#[cfg(feature = "realsense")]
+pub fn factory(options: &RealsenseOptions) -> Result<Box<dyn DeviceFactory>, CaptureError> {
+    Ok(Box::new(RealsenseFactory::new(options.clone())))
+}
+
+/// The back end with these options.
+///
+/// # Errors
+/// Where the program was built without it.
+#[cfg(not(feature = "realsense"))]
+pub fn factory(_: &RealsenseOptions) -> Result<Box<dyn DeviceFactory>, CaptureError> {
+    Err(CaptureError::device("any", HOW_TO_BUILD))
+}
 
 /// How to get a program with this back end; for the message where it was built without.
 pub const HOW_TO_BUILD: &str = "this program was built without RealSense cameras: install librealsense (2.50 or newer, with its \

@@ -41,8 +41,13 @@ impl<C, D> Pairing<C, D> {
         add(&mut self.depth, (stamp_ns, image));
     }
 
+    /// Whether one more image may cost one that waits.
+    pub fn is_full(&self) -> bool {
+        self.color.len() >= MAX_WAITING || self.depth.len() >= MAX_WAITING
+    }
+
     /// The next two of one moment, with the stamp of colour; or the stream whose next image has to come first.
-    pub fn next(&mut self) -> Result<(i64, C, D), Stream> {
+    pub fn next_pair(&mut self) -> Result<(i64, C, D), Stream> {
         loop {
             let Some(&(color_ns, _)) = self.color.front() else { return Err(Stream::Color) };
             let Some(&(depth_ns, _)) = self.depth.front() else { return Err(Stream::Depth) };
@@ -91,9 +96,9 @@ mod tests {
             let mut pairing = pairing();
             for number in 0..5 {
                 order.into_iter().for_each(|stream| add(&mut pairing, stream, number));
-                assert_eq!(pairing.next(), Ok((number * FRAME_NS, number, number)));
+                assert_eq!(pairing.next_pair(), Ok((number * FRAME_NS, number, number)));
             }
-            assert_eq!(pairing.next(), Err(Stream::Color));
+            assert_eq!(pairing.next_pair(), Err(Stream::Color));
         }
     }
 
@@ -106,19 +111,19 @@ mod tests {
         for number in [1, 2, 4] {
             add(&mut pairing, Stream::Depth, number);
         }
-        assert_eq!(pairing.next(), Ok((2 * FRAME_NS, 2, 2)));
-        assert_eq!(pairing.next(), Err(Stream::Color), "3 has no partner and will get none");
+        assert_eq!(pairing.next_pair(), Ok((2 * FRAME_NS, 2, 2)));
+        assert_eq!(pairing.next_pair(), Err(Stream::Color), "3 has no partner and will get none");
         add(&mut pairing, Stream::Color, 4);
-        assert_eq!(pairing.next(), Ok((4 * FRAME_NS, 4, 4)));
+        assert_eq!(pairing.next_pair(), Ok((4 * FRAME_NS, 4, 4)));
     }
 
     #[test]
     fn a_stream_that_starts_later_is_waited_for_with_bounded_memory() {
         let mut pairing = pairing();
         (0..100).for_each(|number| add(&mut pairing, Stream::Depth, number));
-        assert_eq!(pairing.next(), Err(Stream::Color));
-        assert_eq!(pairing.depth.len(), MAX_WAITING);
+        assert_eq!(pairing.next_pair(), Err(Stream::Color));
+        assert!(pairing.is_full() && pairing.depth.len() == MAX_WAITING);
         add(&mut pairing, Stream::Color, 99);
-        assert_eq!(pairing.next(), Ok((99 * FRAME_NS, 99, 99)));
+        assert_eq!(pairing.next_pair(), Ok((99 * FRAME_NS, 99, 99)));
     }
 }

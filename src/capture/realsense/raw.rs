@@ -117,20 +117,20 @@ pub(super) enum AnyFrame {
     Gyro(GyroFrame),
 }
 
-/// A sensor that streams into a queue of its own.
+/// A sensor that streams into a queue of its own, until it is stopped.
 pub(super) struct RunningSensor {
     sensor: DeviceSensor,
     queue: NonNull<sys::rs2_frame_queue>,
 }
 
-// SAFETY: as of the sensor; the queue is made to be filled by one thread and read by another.
+// SAFETY: as of the sensor; the queue is made to be filled by one thread and read by others, under a lock of its own.
 unsafe impl Send for RunningSensor {}
+// SAFETY: as above; what is called on the sensor through a shared reference is its stop, which the SDK locks.
+unsafe impl Sync for RunningSensor {}
 
 impl Drop for RunningSensor {
     fn drop(&mut self) {
-        // What goes wrong here is told to nobody: a device that is gone cannot be stopped.
-        let _ = checked!(sys::rs2_stop, self.sensor.0.as_ptr());
-        let _ = checked!(sys::rs2_close, self.sensor.0.as_ptr());
+        self.stop();
         // SAFETY: made by `start`, deleted once, and no sensor fills it any more.
         unsafe { sys::rs2_delete_frame_queue(self.queue.as_ptr()) }
     }
@@ -165,6 +165,14 @@ impl RunningSensor {
                 Err(what)
             }
         }
+    }
+
+    /// Stops the stream; nothing when it is stopped already, or the device is gone. A recording that is not played in real time waits
+    /// for room in the queue first.
+    pub(super) fn stop(&self) {
+        // What goes wrong here is told to nobody: a device that is gone cannot be stopped.
+        let _ = checked!(sys::rs2_stop, self.sensor.0.as_ptr());
+        let _ = checked!(sys::rs2_close, self.sensor.0.as_ptr());
     }
 
     /// The next frame, waited for; `None` where none comes in time, or an unusable one.

@@ -1,6 +1,5 @@
 //! One open RealSense camera: its streams, brought together to frames.
 
-use std::ffi::c_int;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use realsense_rust::device::Device;
@@ -9,26 +8,25 @@ use realsense_rust::kind::{Rs2FrameMetadata, Rs2StreamKind, Rs2TimestampDomain};
 
 use super::age::AgeAlarm;
 use super::clock::{WrappingClock, ns_from_ms};
-use super::device::{self, DevicePlan};
+use super::device;
 use super::factory::{Recording, Session};
 use super::options::{Pace, RealsenseOptions};
 use super::pairing::{Pairing, Stream};
 use super::pixels::{self, Layout};
-use super::raw::{self, AnyFrame, RunningSensor};
+use super::raw::{self, AnyFrame};
 use super::settings;
+use super::streams::Streams;
 use super::turning::Turning;
 use crate::capture::{CameraInfo, CaptureError, FrameSource, FrameTiming, RgbdFrame, StampClock, StampNs};
 
-/// Images that a queue holds while this thread is busy; the SDK drops the oldest.
-const VIDEO_QUEUE: c_int = 4;
-/// Samples of the gyroscope likewise: 1 s.
-const GYRO_QUEUE: c_int = 512;
 /// Longest wait for one stream before the others are looked after.
 const SLICE: Duration = Duration::from_millis(20);
 /// How long a frame waits for the samples up to its stamp: live, and where nobody is in a hurry.
 const GYRO_WAIT: (Duration, Duration) = (Duration::from_millis(4), Duration::from_millis(100));
 /// After so long without frames a camera is asked for on the bus, and so often.
 const SILENCE: Duration = Duration::from_secs(1);
+/// A recording in no hurry loses no image of one stream for want of the other, unless that one says nothing for so long.
+const LOSSLESS_WAIT: Duration = Duration::from_secs(1);
 
 /// A colour image, its domain and arrival.
 type ColorImage = (ColorFrame, StampClock, i64);
@@ -38,15 +36,16 @@ pub(super) struct RealsenseSource {
     info: CameraInfo,
     /// Images are given back to the SDK before its sensors stop.
     pairing: Pairing<ColorImage, DepthFrame>,
-    sensors: Vec<(Vec<Rs2StreamKind>, RunningSensor)>,
+    streams: Streams,
     turning: Turning,
-    has_gyro: bool,
     /// The clock of the stamps, and the counter of the device.
     clocks: (WrappingClock, WrappingClock),
     origin: Origin,
     alarm: AgeAlarm,
     told_clock: bool,
     last_frame: Instant,
+    /// When a stream that was waited for gave an image last.
+    last_answer: Instant,
 }
 
 /// Where the frames come from; dropped last.
@@ -64,11 +63,11 @@ impl RealsenseSource {
     ) -> Result<Self, CaptureError> {
         let serial = device::serial(&device);
         let plan = device::plan(&device, options).map_err(|what| CaptureError::device(&serial, what))?;
-        let sensors: Vec<_> =
-            raw::DeviceSensor::all(&device).map_err(|what| CaptureError::device(&serial, what))?;
+        let sensors = raw::DeviceSensor::all(&device).map_err(|what| CaptureError::device(&serial, what))?;
         settings::apply(&sensors, options, &serial);
+        let streams = Streams::of_camera(plan.sensors).map_err(|what| CaptureError::device(&serial, what))?;
         let origin = Origin::Live { session, asked: Instant::now() };
-        Self::start(plan, origin, options)
+        Ok(Self::new((plan.info, plan.rate_hz), (streams, origin), options))
     }
 
     /// Starts playing a recording, from its first frame.
@@ -77,57 +76,42 @@ impl RealsenseSource {
         let refused = |what: String| CaptureError::device(&serial, what);
         let plan = device::plan(&recording.device, options).map_err(refused)?;
         raw::set_real_time(&recording.device, options.pace == Pace::RealTime).map_err(refused)?;
+        let streams = Streams::of_recording(plan.sensors, &recording.device).map_err(refused)?;
         let origin = Origin::Recorded { recording, pace: options.pace, ended: false };
-        Self::start(plan, origin, options)
+        Ok(Self::new((plan.info, plan.rate_hz), (streams, origin), options))
     }
 
-    fn start(plan: DevicePlan, origin: Origin, options: &RealsenseOptions) -> Result<Self, CaptureError> {
-        let serial = plan.info.serial.clone();
-        let mut source = Self {
-            info: plan.info,
-            pairing: Pairing::for_rate(plan.rate_hz),
-            sensors: Vec::new(),
+    fn new(
+        (info, rate_hz): (CameraInfo, f64),
+        (streams, origin): (Streams, Origin),
+        options: &RealsenseOptions,
+    ) -> Self {
+        Self {
+            info,
+            pairing: Pairing::for_rate(rate_hz),
+            streams,
             turning: Turning::default(),
-            has_gyro: false,
             clocks: Default::default(),
             origin,
             alarm: AgeAlarm::new(options.late_after),
             told_clock: false,
             last_frame: Instant::now(),
-        };
-        for sensor in plan.sensors {
-            let is_gyro = sensor.kinds.contains(&Rs2StreamKind::Gyro);
-            let capacity = if is_gyro { GYRO_QUEUE } else { VIDEO_QUEUE };
-            match RunningSensor::start(sensor.sensor, (&sensor.profiles, &sensor.chosen), capacity) {
-                Ok(running) => source.sensors.push((sensor.kinds, running)),
-                Err(what) if is_gyro => {
-                    tracing::warn!(serial, "gyroscope does not start, the camera goes on without: {what}");
-                    continue;
-                }
-                Err(what) => return Err(CaptureError::device(&serial, what)),
-            }
-            source.has_gyro |= is_gyro;
-            // A recording begins with the first stream that is opened: it must wait for the others.
-            if let Origin::Recorded { recording, .. } = &source.origin {
-                raw::set_paused(&recording.device, true)
-                    .map_err(|what| CaptureError::device(&serial, what))?;
-            }
+            last_answer: Instant::now(),
         }
-        if let Origin::Recorded { recording, .. } = &source.origin {
-            raw::set_paused(&recording.device, false).map_err(|what| CaptureError::device(&serial, what))?;
-        }
-        Ok(source)
     }
 
     /// Waits for a stream; while it says nothing, the others are looked after.
     fn wait_for(&mut self, stream: Rs2StreamKind, timeout: Duration) {
-        let carries = |kinds: &[Rs2StreamKind]| kinds.contains(&stream);
-        let awaited = self.sensors.iter().position(|(kinds, _)| carries(kinds));
-        if let Some(frame) = awaited.and_then(|at| self.sensors[at].1.next_frame(timeout)) {
+        let awaited = self.streams.position(stream);
+        if let Some(frame) = awaited.and_then(|at| self.streams.next_frame(at, timeout)) {
+            self.last_answer = Instant::now();
             return self.take(frame);
         }
-        for at in (0..self.sensors.len()).filter(|&at| Some(at) != awaited) {
-            while let Some(frame) = self.sensors[at].1.next_frame(Duration::ZERO) {
+        let is_lossless = matches!(&self.origin, Origin::Recorded { pace: Pace::Unpaced, .. })
+            && self.last_answer.elapsed() < LOSSLESS_WAIT;
+        for at in (0..self.streams.len()).filter(|&at| Some(at) != awaited) {
+            while !(is_lossless && self.pairing.is_full()) {
+                let Some(frame) = self.streams.next_frame(at, Duration::ZERO) else { break };
                 self.take(frame);
             }
         }
@@ -165,17 +149,13 @@ impl RealsenseSource {
 
     /// What turned since the last frame.
     fn gather_turns(&mut self, stamp_ns: i64) {
-        if !self.has_gyro {
-            return;
-        }
+        let Some(gyro) = self.streams.position(Rs2StreamKind::Gyro) else { return };
         let is_hurried = !matches!(&self.origin, Origin::Recorded { pace: Pace::Unpaced, .. });
         let until = Instant::now() + if is_hurried { GYRO_WAIT.0 } else { GYRO_WAIT.1 };
-        let gyro = self.sensors.iter().position(|(kinds, _)| kinds.contains(&Rs2StreamKind::Gyro));
-        while let Some(frame) = gyro.and_then(|at| {
+        loop {
             let left = until.saturating_duration_since(Instant::now());
             let wait = if self.turning.reaches(stamp_ns) { Duration::ZERO } else { left };
-            self.sensors[at].1.next_frame(wait)
-        }) {
+            let Some(frame) = self.streams.next_frame(gyro, wait) else { return };
             self.take(frame);
         }
     }
@@ -269,7 +249,7 @@ impl FrameSource for RealsenseSource {
         (frame.width, frame.height) = (0, 0);
         let until = Instant::now() + timeout;
         loop {
-            let missing = match self.pairing.next() {
+            let missing = match self.pairing.next_pair() {
                 Ok(images) => {
                     self.gather_turns(images.0);
                     let filled = self.fill(frame, images);

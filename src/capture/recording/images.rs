@@ -42,9 +42,6 @@ pub(super) fn read_color(
             None => return Err(missing(&jpg, " or .png")),
         },
     };
-    if format == ImageFormat::Jpeg && !is_whole_jpeg(&bytes) {
-        return Err(CaptureError::bad_data(&file, "the image is truncated: the end mark of JPEG is missing"));
-    }
     decode(&Source { file: &file, bytes: &bytes, format, camera, wanted: ColorType::Rgb8 }, rgb)
 }
 
@@ -80,6 +77,10 @@ fn decode(source: &Source<'_>, pixels: &mut Vec<u8>) -> Result<(), CaptureError>
     let unreadable = |error: image::ImageError| {
         CaptureError::bad_data(source.file, format!("the image is truncated or damaged: {error}"))
     };
+    if source.format == ImageFormat::Jpeg && !is_whole_jpeg(source.bytes) {
+        let what = "the image is truncated: the end mark of JPEG is missing";
+        return Err(CaptureError::bad_data(source.file, what));
+    }
     let reader = ImageReader::with_format(Cursor::new(source.bytes), source.format);
     let decoder = reader.into_decoder().map_err(unreadable)?;
     let (width, height) = decoder.dimensions();
@@ -122,4 +123,62 @@ fn max_file_bytes(camera: &Camera, bytes_per_pixel: u64) -> u64 {
 fn missing(file: &Path, alternative: &str) -> CaptureError {
     let what = format!("no such file{alternative}: a frame set of the recording names it");
     CaptureError::BadData { path: PathBuf::from(file), what }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{DynamicImage, ImageBuffer, Luma, Rgb};
+
+    use super::*;
+    use crate::geometry::Distortion;
+    use crate::geometry::camera::Pinhole;
+    use crate::hostile::check_any_bytes;
+
+    const SIZE_PX: (u32, u32) = (24, 16);
+
+    fn camera() -> Camera {
+        let pinhole = Pinhole { fx_px: 20.0, fy_px: 20.0, cx_px: 12.0, cy_px: 8.0 };
+        Camera::try_new(SIZE_PX, pinhole, Distortion::None).expect("valid intrinsics")
+    }
+
+    fn encoded(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, format).expect("encoded");
+        bytes.into_inner()
+    }
+
+    fn color() -> DynamicImage {
+        ImageBuffer::from_fn(SIZE_PX.0, SIZE_PX.1, |x, y| Rgb([x as u8 * 9, y as u8 * 13, (x * y) as u8]))
+            .into()
+    }
+
+    fn depth() -> DynamicImage {
+        ImageBuffer::from_fn(SIZE_PX.0, SIZE_PX.1, |x, y| Luma([(700 + 31 * x * y) as u16])).into()
+    }
+
+    /// Each case is refused by the name of the file, or has every pixel.
+    fn check((format, wanted): (ImageFormat, ColorType), valid: &[Vec<u8>]) {
+        let (camera, file) = (camera(), Path::new("left/7.img"));
+        check_any_bytes(&format!("{format:?} {wanted:?}"), valid, |bytes| {
+            let mut pixels = Vec::new();
+            let decoded = decode(&Source { file, bytes, format, camera: &camera, wanted }, &mut pixels);
+            let n_bytes = SIZE_PX.0 as usize * SIZE_PX.1 as usize * usize::from(wanted.bytes_per_pixel());
+            assert!(pixels.is_empty() || pixels.len() == n_bytes);
+            if let Err(error) = &decoded {
+                assert!(error.to_string().contains("left/7.img"), "{error}");
+            }
+            decoded.is_ok()
+        });
+    }
+
+    #[test]
+    fn a_jpeg_of_any_bytes_is_refused_or_whole() {
+        check((ImageFormat::Jpeg, ColorType::Rgb8), &[encoded(&color(), ImageFormat::Jpeg)]);
+    }
+
+    #[test]
+    fn a_png_of_any_bytes_is_refused_or_whole() {
+        check((ImageFormat::Png, ColorType::Rgb8), &[encoded(&color(), ImageFormat::Png)]);
+        check((ImageFormat::Png, ColorType::L16), &[encoded(&depth(), ImageFormat::Png)]);
+    }
 }

@@ -9,6 +9,7 @@ use serde::de::{self, Deserializer, Visitor};
 
 use super::FORMAT;
 use super::truth::{PoseSection, motion};
+use crate::capture::nesting;
 use crate::capture::{CameraInfo, StampNs};
 use crate::geometry::camera::Pinhole;
 use crate::geometry::motion::Motion;
@@ -86,6 +87,7 @@ struct CheckedCamera(CameraInfo);
 
 /// Reads and checks the text of `recording.yaml`; the error is a sentence with key, line where known, and what is allowed.
 pub(super) fn parse_recording(text: &str) -> Result<ParsedRecording, String> {
+    let text = nesting::checked(text)?;
     let section: RecordingSection = serde_yaml::from_str(text).map_err(|error| {
         // A newer format has other keys: name the format rather than the first key that differs.
         match serde_yaml::from_str::<FormatSection>(text) {

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::sections::parse_recording;
 use super::truth::parse_ground_truth;
+use crate::hostile::check_any_bytes;
 
 const RECORDING: &str = "\
 format: rgbd-rig/1
@@ -113,8 +114,27 @@ fn the_texts_that_are_mutated_here_are_valid() {
     assert_eq!(parse_ground_truth(TRUTH, &NAMES).expect("a valid text").reference_from_camera.len(), 2);
 }
 
+#[test]
+fn a_recording_yaml_of_any_bytes_is_refused_or_usable() {
+    check_any_bytes("recording.yaml", &[RECORDING.as_bytes().to_vec()], |bytes| {
+        let text = String::from_utf8_lossy(bytes);
+        assert_usable(&text);
+        parse_recording(&text).inspect_err(|what| assert!(!what.is_empty())).is_ok()
+    });
+}
+
+#[test]
+fn a_ground_truth_of_any_bytes_is_refused_or_finite() {
+    check_any_bytes("ground_truth.yaml", &[TRUTH.as_bytes().to_vec()], |bytes| {
+        let truth = parse_ground_truth(&String::from_utf8_lossy(bytes), &NAMES);
+        let poses = truth.iter().flat_map(|truth| &truth.reference_from_camera);
+        assert!(poses.flat_map(|pose| pose.to_homogeneous().data.0.concat()).all(f64::is_finite));
+        truth.is_ok()
+    });
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+    #![proptest_config(crate::hostile::properties())]
 
     #[test]
     fn a_changed_recording_yaml_is_refused_or_usable(text in mutated(RECORDING)) {

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
+use crate::capture::nesting;
 use crate::geometry::motion::Motion;
 
 /// A quaternion is typed with few digits at times; more than this is no rounding.
@@ -36,6 +37,7 @@ pub(super) struct PoseSection {
 
 /// Reads and checks the text of `ground_truth.yaml` for cameras of these names; the error is a sentence.
 pub(super) fn parse_ground_truth(text: &str, names: &[&str]) -> Result<GroundTruth, String> {
+    let text = nesting::checked(text)?;
     let section: TruthSection = serde_yaml::from_str(text).map_err(|error| error.to_string())?;
     if let Some(unknown) = section.poses.keys().find(|name| !names.contains(&name.as_str())) {
         return Err(format!("poses.{unknown}: no such camera; the recording has {}", names.join(", ")));

@@ -6,7 +6,7 @@
 mod script;
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -30,6 +30,8 @@ struct Device {
     script: FaultScript,
     /// Frames that the camera took so far, lost ones too.
     taken: AtomicU64,
+    /// Set while the camera gives no frames for want of a reset. Relaxed: it hands nothing over.
+    is_wedged: AtomicBool,
     /// Set while the camera is away; locked when a camera comes or goes, never per frame.
     away: Mutex<Option<Away>>,
 }
@@ -82,6 +84,17 @@ impl DeviceFactory for ScriptedFactory {
             stalls_left: 0,
             clock_gap_ns: 0,
         }))
+    }
+
+    fn reset(&self, serial: &str) -> Result<bool, CaptureError> {
+        match self.devices.get(serial) {
+            Some(device) if !device.is_there() => Err(CaptureError::not_found(serial, &self.list()?)),
+            Some(device) => {
+                device.is_wedged.store(false, Ordering::Relaxed);
+                Ok(true)
+            }
+            None => self.inner.reset(serial),
+        }
     }
 }
 
@@ -144,8 +157,8 @@ impl FrameSource for ScriptedSource {
             let number = self.device.taken.load(Ordering::Relaxed);
             (frame.width, frame.height) = (0, 0);
             self.enter(number)?;
-            if self.stalls_left > 0 {
-                self.stalls_left -= 1;
+            if self.stalls_left > 0 || self.device.is_wedged.load(Ordering::Relaxed) {
+                self.stalls_left = self.stalls_left.saturating_sub(1);
                 thread::sleep(left);
                 return Err(CaptureError::Timeout(timeout));
             }
@@ -177,9 +190,15 @@ impl ScriptedSource {
         }
         self.entered = Some(number);
         for fault in self.device.script.faults(&info.serial, number) {
+            tell(&info.serial, number, fault);
             match fault {
                 Fault::Stall { timeouts } => self.stalls_left = self.stalls_left.saturating_add(timeouts),
                 Fault::Hang { duration } => thread::sleep(duration),
+                Fault::Wedge => {
+                    self.device.is_wedged.store(true, Ordering::Relaxed);
+                    // The frame is lost; else it would wedge the camera again after each opening.
+                    self.device.taken.store(number + 1, Ordering::Relaxed);
+                }
                 Fault::StampJump { by_ns } => self.clock_gap_ns = self.clock_gap_ns.saturating_add(by_ns),
                 Fault::ClockWrap => self.clock_gap_ns = self.clock_gap_ns.saturating_sub(CLOCK_WRAP_NS),
                 Fault::Unplug(replug) => {
@@ -207,10 +226,18 @@ impl ScriptedSource {
                     let half = 3 * frame.width * (frame.height / 2);
                     frame.rgb.iter_mut().skip(half).for_each(|value| *value = 0);
                 }
-                Fault::Stall { .. } | Fault::Hang { .. } | Fault::StampJump { .. } => {}
+                Fault::Stall { .. } | Fault::Hang { .. } | Fault::Wedge | Fault::StampJump { .. } => {}
                 Fault::ClockWrap | Fault::Unplug(_) => {}
             }
         }
         is_there
+    }
+}
+
+/// Says that a fault is on purpose, and when it began. One that spoils a single frame is not worth a line.
+fn tell(serial: &str, number: u64, fault: Fault) {
+    match fault {
+        Fault::Drop | Fault::ZeroDepth | Fault::HalfBlack => {}
+        _ => tracing::info!(serial, frame = number, ?fault, "a fault is played, as the config asks"),
     }
 }

@@ -19,6 +19,8 @@ pub enum Fault {
         /// How long.
         duration: Duration,
     },
+    /// From this frame on no frame comes, however often the camera is opened, until it is reset.
+    Wedge,
     /// From this frame on, the camera's clock is off by so much more.
     StampJump {
         /// ns, either sign.

@@ -41,6 +41,7 @@ pub fn config(system: &System, named: Option<&Path>) -> Result<(Config, Finding)
 /// Whether the back end is the one for RealSense cameras.
 pub fn needs_realsense(cameras: &CamerasConfig) -> bool {
     match &cameras.backend {
+        BackendConfig::Realsense(options) => options.playback.is_empty(),
         BackendConfig::Replay(..) | BackendConfig::Synthetic(_) => false,
     }
 }

@@ -38,6 +38,11 @@ impl From<ipc::RefusedCounts> for RefusedFor {
 }
 
 impl RefusedFor {
+    /// All of them.
+    pub fn total(self) -> u64 {
+        self.incomplete + self.skew + self.gyro + self.image + self.nothing_new
+    }
+
     /// For people: `2 skew, 5 turning fast (gyro)`; empty where nothing was refused.
     pub fn text(&self) -> String {
         let parts = [

@@ -132,7 +132,7 @@ impl StatusDocument {
         let watch = snapshot.watch.as_ref();
         let entries = watch.iter().flat_map(|watch| &watch.moved).map(|moved| MovedEntry::new(moved, &name));
         let moved: Vec<MovedEntry> = entries.collect();
-        let sets = progress.map(|progress| progress.frame_sets).unwrap_or_default();
+        let sets = snapshot.frame_sets;
         Self {
             schema: "pelical.status/1",
             instance: instance.to_string(),
@@ -148,7 +148,7 @@ impl StatusDocument {
             uptime_s: snapshot.uptime_ns as f64 * 1e-9,
             frame_sets: FrameSetStatus {
                 seen: sets.seen,
-                used: snapshot.frame_sets_used,
+                used: sets.used,
                 refused: sets.refused.total(),
                 refused_for: sets.refused.into(),
                 dropped: sets.dropped,

@@ -9,7 +9,8 @@ use super::status::{self, StatusDocument, Words};
 use super::text;
 use crate::geometry::motion::Motion;
 use crate::ipc::{
-    Activity, CameraHealth, CameraIdentity, CameraState, HealthMessage, InstanceName, Snapshot,
+    Activity, CameraHealth, CameraIdentity, CameraState, FrameSetCounts, HealthMessage, InstanceName,
+    Snapshot,
 };
 use crate::solver::{
     CameraPose, Moved, PairEstimate, Reason, ReasonCode, RigCalibration, State, WatchReport, Who,
@@ -227,7 +228,7 @@ fn words_of_a_moved_camera() -> (Snapshot, HealthMessage) {
         calibration_stamp_ns: Some(1_700_000_000_000_000_000),
         store_fault: None,
         uptime_ns: 1,
-        frame_sets_used: 2,
+        frame_sets: FrameSetCounts { used: 2, ..FrameSetCounts::default() },
         cameras: 2,
         cameras_streaming: 2,
     };

@@ -15,6 +15,7 @@ use super::exit::Exit;
 use super::gate::Gate;
 use super::interrupt::Interrupt;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
+use super::output::intake::RefusedFor;
 use super::talk::say;
 use super::{output, progress};
 use crate::capture::DeviceFactory;
@@ -76,6 +77,7 @@ pub fn run(args: &ReplayArgs) -> Result<Exit, CliError> {
         cameras: &identities(&recording),
         calibration: &calibration,
         frame_sets: frame_sets(&snapshot.counts),
+        pair_skews: &snapshot.pair_skews,
         timing_ms: timing_ms(&snapshot, start.elapsed()),
         truth: truth.as_ref().map(|truth| truth.reference_from_camera.as_slice()),
         provenance: None,
@@ -201,18 +203,28 @@ fn cameras(recording: &Recording, gate: Option<&Arc<Gate>>) -> Result<Vec<Camera
 
 /// Frame sets of which nothing more will be heard.
 fn through(counts: &Counts) -> u64 {
-    let Counts {
-        accepted_sets, repeated_sets, skipped_sets, refused_motion, refused_skew, dropped_sets, ..
-    } = counts;
-    accepted_sets + repeated_sets + skipped_sets + refused_motion + refused_skew + dropped_sets
+    counts.accepted_sets + counts.skipped_sets + refused(counts).total() + counts.dropped_sets
 }
 
 /// As the daemon counts them.
 fn frame_sets(counts: &Counts) -> FrameSets {
+    let refused = refused(counts);
     FrameSets {
         seen: counts.sets_formed,
         used: counts.accepted_sets,
-        refused: counts.refused_skew + counts.refused_motion + counts.repeated_sets,
+        refused: refused.total(),
+        refused_for: Some(refused),
+    }
+}
+
+fn refused(counts: &Counts) -> RefusedFor {
+    let Counts { refused_skew, refused_gyro, refused_image, repeated_sets, .. } = *counts;
+    RefusedFor {
+        incomplete: 0,
+        skew: refused_skew,
+        gyro: refused_gyro,
+        image: refused_image,
+        nothing_new: repeated_sets,
     }
 }
 

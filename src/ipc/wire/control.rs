@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::parts::{FixedText, ReasonWire, state_code, state_of};
+use super::parts::{FixedText, FrameSetsWire, ReasonWire, state_code, state_of};
 use super::watch::WatchWire;
 use super::{
     MAX_CAMERAS, MAX_SENTENCE_BYTES, VERSION, WireError, check_version, code_of, count, flag, value_of,
@@ -63,8 +63,8 @@ pub struct ResponseWire {
     pub calibration_stamp_ns: u64,
     /// Since the daemon started, ns.
     pub uptime_ns: u64,
-    /// Frame sets taken as evidence.
-    pub frame_sets_used: u64,
+    /// What became of the frame sets.
+    pub frame_sets: FrameSetsWire,
     /// Why the verdict is not converged.
     pub reason: ReasonWire,
     /// Whether the converged result still stands.
@@ -119,7 +119,7 @@ impl ResponseWire {
             calibration_id: snapshot.calibration_id.unwrap_or(0),
             calibration_stamp_ns: snapshot.calibration_stamp_ns.unwrap_or(0),
             uptime_ns: snapshot.uptime_ns,
-            frame_sets_used: snapshot.frame_sets_used,
+            frame_sets: snapshot.frame_sets.into(),
             reason: ReasonWire::encode(snapshot.reason.as_ref()),
             watch: WatchWire::encode(snapshot.watch.as_ref())?,
             has_store_fault: u32::from(snapshot.store_fault.is_some()),
@@ -162,7 +162,7 @@ impl ResponseWire {
             calibration_stamp_ns: Some(self.calibration_stamp_ns).filter(|stamp_ns| *stamp_ns > 0),
             store_fault,
             uptime_ns: self.uptime_ns,
-            frame_sets_used: self.frame_sets_used,
+            frame_sets: self.frame_sets.into(),
             cameras: self.cameras,
             cameras_streaming: self.cameras_streaming,
         })

@@ -17,7 +17,7 @@ pub use archive::{ArchiveRequestWire, ArchiveResponseWire};
 pub use calibration::{CalibrationWire, CameraWire, PairWire};
 pub use control::{RequestWire, ResponseWire};
 pub use health::{CameraHealthWire, HealthWire, PairSkewWire, StageWire};
-pub use parts::{FixedText, MotionWire, ReasonWire};
+pub use parts::{FixedText, FrameSetsWire, MotionWire, ReasonWire};
 pub use progress::{CameraLinesWire, ProgressWire};
 pub use watch::{MovedWire, WatchWire};
 

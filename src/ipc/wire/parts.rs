@@ -5,6 +5,7 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 use super::{MAX_SENTENCE_BYTES, WireError, code_of, count, value_of};
 use crate::geometry::motion::Motion;
+use crate::ipc::message::{FrameSetCounts, RefusedCounts};
 use crate::solver::{Reason, ReasonCode, State};
 
 /// How far the norm of a quaternion may be from 1: far above rounding in double precision.
@@ -132,4 +133,56 @@ pub(super) fn state_code(state: State) -> u32 {
 /// The verdict of a code.
 pub(super) fn state_of(code: u32, field: &'static str) -> Result<State, WireError> {
     value_of(&STATES, code, field)
+}
+
+/// What became of the frame sets since collecting began.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[type_name("PelicalFrameSetsV3")]
+pub struct FrameSetsWire {
+    /// Put together.
+    pub seen: u64,
+    /// Taken as evidence.
+    pub used: u64,
+    /// Refused for skew.
+    pub refused_skew: u64,
+    /// Refused because a gyro said that the rig turned fast.
+    pub refused_gyro: u64,
+    /// Refused because an image moved fast.
+    pub refused_image: u64,
+    /// Refused because nothing was new in them.
+    pub refused_repeated: u64,
+    /// Lost because a stage was busy.
+    pub dropped: u64,
+}
+
+impl From<FrameSetCounts> for FrameSetsWire {
+    fn from(counts: FrameSetCounts) -> Self {
+        let FrameSetCounts { seen, used, refused, dropped } = counts;
+        Self {
+            seen,
+            used,
+            refused_skew: refused.skew,
+            refused_gyro: refused.gyro,
+            refused_image: refused.image,
+            refused_repeated: refused.repeated,
+            dropped,
+        }
+    }
+}
+
+impl From<FrameSetsWire> for FrameSetCounts {
+    fn from(wire: FrameSetsWire) -> Self {
+        Self {
+            seen: wire.seen,
+            used: wire.used,
+            refused: RefusedCounts {
+                skew: wire.refused_skew,
+                gyro: wire.refused_gyro,
+                image: wire.refused_image,
+                repeated: wire.refused_repeated,
+            },
+            dropped: wire.dropped,
+        }
+    }
 }

@@ -2,14 +2,12 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::parts::{state_code, state_of};
+use super::parts::{FrameSetsWire, state_code, state_of};
 use super::{
     MAX_CAMERAS, VERSION, WireError, check_version, code_of, count, count_wire, flag, not_negative,
     pair_indices, value_of,
 };
-use crate::ipc::message::{
-    BestPair, CameraLines, FrameSetCounts, ProgressMessage, RefusedCounts, Skew, TurnSense, Turning,
-};
+use crate::ipc::message::{BestPair, CameraLines, ProgressMessage, Skew, TurnSense, Turning};
 
 /// How collecting goes, in shared memory.
 #[repr(C)]
@@ -28,20 +26,8 @@ pub struct ProgressWire {
     pub published_ns: u64,
     /// Newest frame's arrival to sending, ns.
     pub latency_ns: u64,
-    /// Frame sets put together.
-    pub seen: u64,
-    /// Frame sets taken as evidence.
-    pub used: u64,
-    /// Frame sets refused for skew.
-    pub refused_skew: u64,
-    /// Frame sets refused because a gyro said that the rig turned fast.
-    pub refused_gyro: u64,
-    /// Frame sets refused because an image moved fast.
-    pub refused_image: u64,
-    /// Frame sets refused because nothing was new in them.
-    pub refused_repeated: u64,
-    /// Frame sets lost because a stage was busy.
-    pub dropped: u64,
+    /// What became of the frame sets.
+    pub frame_sets: FrameSetsWire,
     /// Skew of the newest set, ns.
     pub skew_last_ns: u64,
     /// Largest skew, ns.
@@ -91,13 +77,7 @@ impl TryFrom<&ProgressMessage> for ProgressWire {
             newest_frame_ns: message.newest_frame_ns,
             published_ns: message.published_ns,
             latency_ns: message.latency_ns,
-            seen: message.frame_sets.seen,
-            used: message.frame_sets.used,
-            refused_skew: message.frame_sets.refused.skew,
-            refused_gyro: message.frame_sets.refused.gyro,
-            refused_image: message.frame_sets.refused.image,
-            refused_repeated: message.frame_sets.refused.repeated,
-            dropped: message.frame_sets.dropped,
+            frame_sets: message.frame_sets.into(),
             skew_last_ns: message.skew.last_ns,
             skew_max_ns: message.skew.max_ns,
             turn_rad_per_s: message.turning.map_or(0.0, |turning| turning.rad_per_s),
@@ -133,17 +113,7 @@ impl TryFrom<&ProgressWire> for ProgressMessage {
             latency_ns: wire.latency_ns,
             state: state_of(wire.state, "state")?,
             is_moved: flag("is_moved", wire.is_moved)?,
-            frame_sets: FrameSetCounts {
-                seen: wire.seen,
-                used: wire.used,
-                refused: RefusedCounts {
-                    skew: wire.refused_skew,
-                    gyro: wire.refused_gyro,
-                    image: wire.refused_image,
-                    repeated: wire.refused_repeated,
-                },
-                dropped: wire.dropped,
-            },
+            frame_sets: wire.frame_sets.into(),
             cameras: wire.cameras.iter().take(n_cameras).map(lines).collect(),
             best_pair: best_pair_of(wire, n_cameras)?,
             skew: Skew { last_ns: wire.skew_last_ns, max_ns: wire.skew_max_ns },

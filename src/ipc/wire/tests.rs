@@ -134,7 +134,7 @@ fn response(outcome: Outcome) -> Response {
         calibration_stamp_ns: Some(1_800_000_000_000_000_001),
         store_fault: Some("the disk is full".to_owned()),
         uptime_ns: 5,
-        frame_sets_used: 6,
+        frame_sets: progress().frame_sets,
         cameras: 3,
         cameras_streaming: 2,
     };
@@ -158,7 +158,7 @@ fn the_layouts_are_frozen() {
     assert_eq!(offset_of!(PairWire, lead), 48);
     assert_eq!(offset_of!(PairWire, reason), 112);
     assert_eq!(size_of::<ProgressWire>(), 280);
-    assert_eq!(offset_of!(ProgressWire, refused_skew), 56);
+    assert_eq!(offset_of!(ProgressWire, frame_sets), 40);
     assert_eq!(offset_of!(ProgressWire, turn_rad_per_s), 112);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 120);
     assert_eq!(offset_of!(ProgressWire, cameras), 152);
@@ -168,11 +168,13 @@ fn the_layouts_are_frozen() {
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
     assert_eq!(size_of::<RequestWire>(), 24);
-    assert_eq!(size_of::<ResponseWire>(), 1104 + 344 + 512);
+    assert_eq!(size_of::<FrameSetsWire>(), 56);
+    assert_eq!(size_of::<ResponseWire>(), 1152 + 344 + 512);
     assert_eq!(size_of::<WatchWire>(), 24 + 8 * 40);
-    assert_eq!(offset_of!(ResponseWire, watch), 1104);
+    assert_eq!(offset_of!(ResponseWire, watch), 1152);
     assert_eq!(offset_of!(ResponseWire, activity), 532);
-    assert_eq!(offset_of!(ResponseWire, reason), 592);
+    assert_eq!(offset_of!(ResponseWire, frame_sets), 584);
+    assert_eq!(offset_of!(ResponseWire, reason), 640);
     assert_eq!(size_of::<ArchiveRequestWire>(), 16);
     assert_eq!(offset_of!(ArchiveResponseWire, calibration), 528);
 }
@@ -368,6 +370,22 @@ fn check_calibration(message: &CalibrationMessage) {
 }
 
 proptest! {
+    #![proptest_config(crate::hostile::properties())]
+
+    #[test]
+    fn a_request_of_any_bytes_is_refused_or_one_of_the_closed_list(
+        codes in proptest::collection::vec(any_code(), 2), id in any::<u64>(), calibration in any::<u64>(),
+    ) {
+        let version = if codes[0] % 2 == 0 { VERSION } else { codes[0] };
+        let wire = RequestWire { version, kind: codes[1], id, calibration };
+        match Request::try_from(&wire) {
+            Ok(request) => prop_assert!((version, RequestWire::from(request)) == (VERSION, wire)),
+            Err(error) => prop_assert!(version != VERSION || error.to_string().contains("request kind")),
+        }
+        let question = ArchiveRequestWire { version, reserved: codes[1], below: id };
+        prop_assert_eq!(question.below().is_ok(), version == VERSION);
+    }
+
     #[test]
     fn a_calibration_of_any_bytes_is_refused_or_sound(
         codes in proptest::collection::vec(any_code(), 12),

@@ -124,3 +124,30 @@ fn a_turn_that_leaves_no_image_like_the_one_before_is_still_beyond_the_default_l
     let fast: Vec<_> = gyro_and_image(1.0).into_iter().filter(|(gyro, _)| *gyro > 2.0 * limit).collect();
     assert!(fast.len() >= 3 && fast.iter().all(|(_, image)| *image > limit), "{fast:?}");
 }
+
+/// What the images say of a rendered room that is moved by so many pixels sideways between two frames, px.
+fn told_px(frame: &RgbdFrame, shift_px: usize) -> f64 {
+    let gray: Vec<u8> = frame.rgb.chunks_exact(3).map(|rgb| rgb[1]).collect();
+    let cut = |left: usize| {
+        let view = GrayView::try_new(&gray[left..], (448, 480), 640).expect("inside the image");
+        Glimpse { stamp: StampNs(left as i64 + 1), thumbnail: Thumbnail::of(&view) }
+    };
+    let (before, after) = (cut(0), Glimpse { stamp: StampNs(1_000_001), ..cut(shift_px) });
+    image_speed_px_per_s(&before, &after).expect("a furnished room") * 1e-3
+}
+
+#[test]
+fn small_shifts_of_a_furnished_room_are_told_to_a_factor_of_two_and_large_ones_never_as_small() {
+    let factory = SyntheticFactory::new(SyntheticOptions::pair(20.0, 0.2, 3));
+    let mut source = factory.open("synthetic-01").expect("there");
+    let mut frame = RgbdFrame::default();
+    for _ in 0..4 {
+        source.next_frame(&mut frame, Duration::from_secs(5)).expect("a frame");
+        for shift_px in [5, 10, 20] {
+            let told = told_px(&frame, shift_px);
+            assert!((0.5..2.0).contains(&(told / shift_px as f64)), "{told} px instead of {shift_px}");
+        }
+        // Two cells of these thumbnails.
+        assert!([60, 120, 180].iter().all(|shift_px| told_px(&frame, *shift_px) > 34.0));
+    }
+}

@@ -1,6 +1,7 @@
 //! From the checked section `cameras` to a back end and the cameras of the rig.
 
 use super::check::{BackendConfig, CameraChoice, CamerasConfig};
+use crate::capture::realsense;
 use crate::capture::recording::Recording;
 use crate::capture::replay::ReplayFactory;
 use crate::capture::scripted::ScriptedFactory;
@@ -59,6 +60,7 @@ impl CamerasConfig {
                 Box::new(ReplayFactory::new(Recording::open_all(&recording.0)?, *options)?)
             }
             BackendConfig::Synthetic(options) => Box::new(SyntheticFactory::new(options.clone())),
+            BackendConfig::Realsense(options) => realsense::factory(options)?,
         };
         if self.faults.is_empty() {
             return Ok(backend);
@@ -97,9 +99,14 @@ impl CamerasConfig {
                 };
                 options.cameras.iter().map(choice).collect()
             }
-            BackendConfig::Replay(..) => return None,
+            BackendConfig::Replay(..) | BackendConfig::Realsense(_) => return None,
         };
         Some(self.reference_first(cameras))
+    }
+
+    /// Whether cameras may come that are not there yet, so that a rig without them is worth waiting for.
+    pub fn is_live(&self) -> bool {
+        matches!(&self.backend, BackendConfig::Realsense(options) if options.playback.is_empty())
     }
 
     fn reference_first(&self, mut rig: Vec<CameraChoice>) -> Result<Vec<CameraChoice>, RigError> {

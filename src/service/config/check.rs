@@ -10,6 +10,7 @@ use super::sections::{Backend, CameraEntry, CamerasSection, ConfigFile, LogSecti
 use super::store::StoreConfig;
 use super::supervision::ReadyWhen;
 use super::watch::OnMoved;
+use crate::capture::realsense::RealsenseOptions;
 use crate::capture::replay::{self, ReplayOptions};
 use crate::capture::scripted::FaultScript;
 use crate::capture::synthetic::SyntheticOptions;
@@ -60,6 +61,8 @@ pub enum BackendConfig {
     Replay(RecordingPaths, ReplayOptions),
     /// A rendered room.
     Synthetic(SyntheticOptions),
+    /// RealSense cameras.
+    Realsense(RealsenseOptions),
 }
 
 /// One camera of the rig.
@@ -93,8 +96,12 @@ impl TryFrom<&ConfigFile> for Config {
 impl Config {
     /// The same with relative paths read from `folder`, which is the config file's.
     pub fn relative_to(mut self, folder: &Path) -> Self {
-        if let BackendConfig::Replay(recording, _) = &mut self.cameras.backend {
-            *recording = recording.relative_to(folder);
+        match &mut self.cameras.backend {
+            BackendConfig::Replay(recording, _) => *recording = recording.relative_to(folder),
+            BackendConfig::Realsense(options) => {
+                options.playback.iter_mut().for_each(|recording| *recording = folder.join(&recording));
+            }
+            BackendConfig::Synthetic(_) => {}
         }
         super::matcher::relative_to(&mut self.pipeline.associate.learned, folder);
         if let Some(directory) = &mut self.store.directory {
@@ -130,6 +137,7 @@ impl TryFrom<&CamerasSection> for CamerasConfig {
                 BackendConfig::Replay(recording, ReplayOptions::from(&file.replay))
             }
             Backend::Synthetic => BackendConfig::Synthetic(synthetic_options(&file.synthetic)?),
+            Backend::Realsense => BackendConfig::Realsense(super::realsense::options(&file.realsense)?),
         };
         let list = file.list.iter().map(choice).collect();
         let faults = super::faults::scripts(&file.faults)?;

@@ -32,6 +32,7 @@ pub(super) fn pipeline_options(file: &ConfigFile) -> Result<PipelineOptions, Ref
         sync: sync_options(&file.sync)?,
         solve: SolveOptions { min_new_sets: file.estimate.min_new_sets, ..SolveOptions::default() },
         watch: super::watch::watch_limits(&file.watch)?,
+        recovery: super::realsense::recovery(&file.cameras.recovery)?,
         n_line_threads: file.lines.threads,
     })
 }

@@ -12,6 +12,8 @@ use crate::pipeline::FRAME_TIMEOUT;
 
 /// Longest stall or absence, s.
 const MAX_FOR_S: f64 = 86_400.0;
+/// Largest jump of a clock, ms: a day.
+const MAX_BY_MS: f64 = 86_400_000.0;
 
 /// `cameras.faults`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -40,6 +42,9 @@ pub struct FaultEntry {
     /// How long a stall, a hang or an absence lasts; without it a camera that is unplugged or hangs does so for good.
     #[serde(default)]
     pub for_s: Option<f64>,
+    /// By how much the camera's clock jumps, ms, either sign.
+    #[serde(default)]
+    pub by_ms: Option<f64>,
 }
 
 /// What can happen to a camera.
@@ -52,6 +57,8 @@ pub enum FaultKind {
     Stall,
     /// The device hangs: no call comes back.
     Hang,
+    /// No frame comes until the camera is reset.
+    Wedge,
     /// The camera goes away.
     Unplug,
     /// No depth in the frame.
@@ -60,6 +67,8 @@ pub enum FaultKind {
     HalfBlack,
     /// The camera's clock starts again.
     ClockWrap,
+    /// The camera's clock is off by so much more from now on.
+    StampJump,
 }
 
 /// The script of each camera that has one, by serial number.
@@ -70,14 +79,8 @@ pub(super) fn scripts(section: &FaultsSection) -> Result<BTreeMap<String, FaultS
     let mut scripts = BTreeMap::new();
     for (index, entry) in section.list.iter().enumerate() {
         let refusal =
-            |key: &str, what: String| Refusal::new(format!("cameras.faults.list[{index}].{key}"), what);
-        let for_s = entry.for_s.unwrap_or(1.0);
-        if !(0.001..=MAX_FOR_S).contains(&for_s) {
-            return Err(refusal(
-                "for_s",
-                format!("{for_s} is out of range: allowed is 0.001 to {MAX_FOR_S}"),
-            ));
-        }
+            |(key, what): (&str, String)| Refusal::new(format!("cameras.faults.list[{index}].{key}"), what);
+        entry.check().map_err(refusal)?;
         let script: &mut FaultScript =
             scripts.entry(entry.serial.0.clone()).or_insert_with(|| FaultScript::with_seed(section.seed));
         let (before, fault) = (std::mem::take(script), entry.played());
@@ -85,15 +88,34 @@ pub(super) fn scripts(section: &FaultsSection) -> Result<BTreeMap<String, FaultS
             (Some(number), None) => before.at(number, fault),
             (None, Some(chance)) if (0.0..=1.0).contains(&chance) => before.by_chance(chance, fault),
             (None, Some(chance)) => {
-                return Err(refusal("chance", format!("{chance} is out of range: allowed is 0 to 1")));
+                return Err(refusal(("chance", format!("{chance} is out of range: allowed is 0 to 1"))));
             }
-            _ => return Err(refusal("fault", "needs either at_frame or chance".to_owned())),
+            _ => return Err(refusal(("fault", "needs either at_frame or chance".to_owned()))),
         };
     }
     Ok(scripts)
 }
 
 impl FaultEntry {
+    /// The first key with a value that is not allowed, and what is.
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        let for_s = self.for_s.unwrap_or(1.0);
+        if !(0.001..=MAX_FOR_S).contains(&for_s) {
+            let what = format!("{for_s} is out of range: allowed is 0.001 to {MAX_FOR_S}");
+            return Err(("for_s", what));
+        }
+        let is_jump = self.fault == FaultKind::StampJump;
+        if is_jump != self.by_ms.is_some() {
+            return Err(("by_ms", "stamp_jump needs it, and no other fault has it".to_owned()));
+        }
+        let by_ms = self.by_ms.unwrap_or(0.0);
+        if !(-MAX_BY_MS..=MAX_BY_MS).contains(&by_ms) {
+            let what = format!("{by_ms} is out of range: allowed is -{MAX_BY_MS} to {MAX_BY_MS}");
+            return Err(("by_ms", what));
+        }
+        Ok(())
+    }
+
     fn played(&self) -> Fault {
         let duration = self.for_s.map(Duration::from_secs_f64);
         match self.fault {
@@ -106,10 +128,12 @@ impl FaultEntry {
             FaultKind::Hang => {
                 Fault::Hang { duration: duration.unwrap_or(Duration::from_secs_f64(MAX_FOR_S)) }
             }
+            FaultKind::Wedge => Fault::Wedge,
             FaultKind::Unplug => Fault::Unplug(duration.map_or(Replug::Never, Replug::AfterTime)),
             FaultKind::ZeroDepth => Fault::ZeroDepth,
             FaultKind::HalfBlack => Fault::HalfBlack,
             FaultKind::ClockWrap => Fault::ClockWrap,
+            FaultKind::StampJump => Fault::StampJump { by_ns: (self.by_ms.unwrap_or(0.0) * 1e6) as i64 },
         }
     }
 }

@@ -7,9 +7,12 @@ mod convert;
 mod error;
 mod estimator;
 mod faults;
+#[cfg(test)]
+mod hostile;
 mod ipc;
 mod locate;
 mod matcher;
+mod realsense;
 mod recording;
 mod sections;
 mod serial;
@@ -29,12 +32,15 @@ pub use estimator::{AssociationName, EstimatorName};
 pub use faults::{FaultEntry, FaultKind, FaultsSection};
 pub use ipc::{IpcSection, IpcVariant};
 pub use matcher::{MatcherSection, ProviderName};
+pub use realsense::{RealsenseSection, RecoverySection, VideoModeSection};
 pub use sections::*;
 pub use serial::{Serial, UNQUOTED_SERIAL};
 pub use store::{StoreConfig, StoreSection};
 pub use supervision::{ReadyWhen, ServiceSection};
 pub use synthetic::MoveEntry;
 pub use watch::{OnMoved, WatchSection};
+
+use crate::capture::nesting;
 
 /// Reads and checks a config file; the file's sections come with the checked options, to be shown.
 ///
@@ -80,6 +86,9 @@ fn parse(file: &Path, text: &str) -> Result<ConfigFile, ConfigError> {
         // A truncated file must not start a daemon with settings that nobody chose.
         let what = "the file has no content; `{}` means every default".to_owned();
         return Err(ConfigError::Text { file: file.to_owned(), line: 1, what });
+    }
+    if let Some(line) = nesting::too_deep(text) {
+        return Err(ConfigError::Text { file: file.to_owned(), line, what: nesting::sentence() });
     }
     let sections: ConfigFile = serde_yaml::from_str(text).map_err(|error| text_error(file, text, &error))?;
     match unquoted_serial(text, &sections) {

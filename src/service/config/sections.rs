@@ -10,6 +10,7 @@ use super::estimator::{AssociationName, EstimatorName};
 use super::faults::FaultsSection;
 use super::ipc::IpcSection;
 use super::matcher::MatcherSection;
+use super::realsense::{RealsenseSection, RecoverySection};
 use super::recording::RecordingPaths;
 use super::serial::Serial;
 use super::store::StoreSection;
@@ -122,10 +123,14 @@ pub struct CamerasSection {
     pub replay: ReplaySection,
     /// Options of the back end `synthetic`.
     pub synthetic: SyntheticSection,
+    /// Options of the back end `realsense`.
+    pub realsense: RealsenseSection,
     /// The cameras of the rig; empty means every camera of the back end.
     pub list: Vec<CameraEntry>,
     /// Name of the reference camera; `null` means the first.
     pub reference: Option<String>,
+    /// What is done when a camera fails.
+    pub recovery: RecoverySection,
     /// What the cameras suffer on purpose.
     pub faults: FaultsSection,
 }
@@ -136,8 +141,10 @@ impl Default for CamerasSection {
             backend: Backend::Synthetic,
             replay: ReplaySection::default(),
             synthetic: SyntheticSection::default(),
+            realsense: RealsenseSection::default(),
             list: Vec::new(),
             reference: None,
+            recovery: RecoverySection::default(),
             faults: FaultsSection::default(),
         }
     }
@@ -151,6 +158,8 @@ pub enum Backend {
     Replay,
     /// A rendered room with known truth.
     Synthetic,
+    /// RealSense cameras, where the program was built with them.
+    Realsense,
 }
 
 /// One camera of the rig.
