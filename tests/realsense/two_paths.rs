@@ -26,8 +26,10 @@ fn the_sdk_and_the_reader_without_it_give_the_same_bytes_stamps_and_turns() {
             assert_eq!((ours.width, ours.height), (theirs.width, theirs.height));
             assert_eq!(ours.rgb, theirs.rgb, "{serial} at {:?}", ours.stamp);
             assert_eq!(ours.depth, theirs.depth, "{serial} at {:?}", ours.stamp);
-            let rates = [&ours, theirs].map(|frame| frame.turn_rate.expect("a gyroscope").max_rad_per_s);
-            assert!((rates[0] - rates[1]).abs() < 1e-9, "{serial} at {:?}: {rates:?}", ours.stamp);
+            // What the recorder was warmed up with has no samples; summed in another order, the last bit of a norm may differ.
+            let rates =
+                [&ours, theirs].map(|frame| frame.turn_rate.map(|rate| (rate.max_rad_per_s * 1e9).round()));
+            assert_eq!(rates[0], rates[1], "{serial} at {:?}", ours.stamp);
             assert_eq!(ours.depth_unit_m, theirs.depth_unit_m);
         }
     }
