@@ -49,8 +49,6 @@
 pub mod capture;
 pub mod cli;
 pub mod geometry;
-#[cfg(test)]
-mod hostile;
 pub mod image;
 pub mod ipc;
 pub mod learned;
@@ -59,3 +57,5 @@ pub mod pipeline;
 pub mod service;
 pub mod solver;
 pub mod store;
+#[cfg(test)]
+mod tests;

@@ -276,7 +276,7 @@ mod tests {
     use nalgebra::Vector2;
 
     use super::*;
-    use crate::hostile::check_any_bytes;
+    use crate::tests::hostile::check_any_bytes;
 
     const PROBLEM: &str = r#"{"id": "a", "noise_px": 0.3, "lines": [
         {"f": 0, "s2": [100, 200, 300, 220], "t2": [90, 210, 280, 200], "s3": [-0.733333, -0.133333, 2.0, -0.066667, -0.066667, 2.0], "t3": null, "ns": 30, "nt": 0, "o": 0},

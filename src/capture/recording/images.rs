@@ -132,7 +132,7 @@ mod tests {
     use super::*;
     use crate::geometry::Distortion;
     use crate::geometry::camera::Pinhole;
-    use crate::hostile::check_any_bytes;
+    use crate::tests::hostile::check_any_bytes;
 
     const SIZE_PX: (u32, u32) = (24, 16);
 

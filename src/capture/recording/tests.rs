@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::sections::parse_recording;
 use super::truth::parse_ground_truth;
-use crate::hostile::check_any_bytes;
+use crate::tests::hostile::check_any_bytes;
 
 const RECORDING: &str = "\
 format: rgbd-rig/1
@@ -134,7 +134,7 @@ fn a_ground_truth_of_any_bytes_is_refused_or_finite() {
 }
 
 proptest! {
-    #![proptest_config(crate::hostile::properties())]
+    #![proptest_config(crate::tests::hostile::properties())]
 
     #[test]
     fn a_changed_recording_yaml_is_refused_or_usable(text in mutated(RECORDING)) {

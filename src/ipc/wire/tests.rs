@@ -370,7 +370,7 @@ fn check_calibration(message: &CalibrationMessage) {
 }
 
 proptest! {
-    #![proptest_config(crate::hostile::properties())]
+    #![proptest_config(crate::tests::hostile::properties())]
 
     #[test]
     fn a_request_of_any_bytes_is_refused_or_one_of_the_closed_list(

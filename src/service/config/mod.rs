@@ -7,8 +7,6 @@ mod convert;
 mod error;
 mod estimator;
 mod faults;
-#[cfg(test)]
-mod hostile;
 mod ipc;
 mod locate;
 mod matcher;

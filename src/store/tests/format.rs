@@ -78,7 +78,7 @@ fn a_calibration_that_no_reader_would_take_is_not_written() {
 }
 
 proptest! {
-    #![proptest_config(crate::hostile::properties())]
+    #![proptest_config(crate::tests::hostile::properties())]
 
     #[test]
     fn any_changed_byte_is_noticed(at in any::<prop::sample::Index>(), change in 1..=255u8) {
@@ -100,7 +100,7 @@ fn a_stored_calibration_of_any_bytes_under_a_right_checksum_is_refused_or_sound(
         let text = encode(&stored(id)).expect("sound");
         text.split_once('\n').expect("lines").1.as_bytes().to_vec()
     });
-    crate::hostile::check_any_bytes("stored calibration", &bodies, |bytes| {
+    crate::tests::hostile::check_any_bytes("stored calibration", &bodies, |bytes| {
         let decoded = decode(with_head(&String::from_utf8_lossy(bytes)).as_bytes());
         if let Ok(entry) = &decoded {
             for pose in entry.calibration.cameras.iter().flatten() {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::{Config, checked};
-use crate::hostile::check_any_bytes;
+use crate::service::config::{Config, checked};
+use crate::tests::hostile::check_any_bytes;
 
 const FAULTS: &str = "\
 instance: robot

@@ -1,5 +1,7 @@
 //! What a config file may say, and what is said about a wrong one.
 
+mod hostile;
+
 use std::path::Path;
 
 use super::*;
