@@ -1,6 +1,8 @@
 //! Daemon and client over both transports, each test under an instance name of its own.
 #![allow(clippy::expect_used, reason = "clippy sees the helpers of an integration test as product code")]
 
+mod leftovers;
+
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -420,73 +422,6 @@ fn a_killed_daemon_leaves_nothing_in_the_way(over: &Transport) {
     child.kill();
     // Whoever comes next cleans up after the killed: nothing of this test stays.
     assert!(matches!(Client::connect_over(over, &instance), Err(ClientError::NotRunning { .. })));
-}
-
-/// Names of what there is below a folder.
-fn files_below(folder: &std::path::Path) -> Vec<String> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let mut names = Vec::new();
-    for entry in entries.map(|entry| entry.expect("readable").path()) {
-        if entry.is_dir() {
-            names.extend(files_below(&entry))
-        } else {
-            names.push(entry.display().to_string())
-        }
-    }
-    names.sort();
-    names
-}
-
-#[test]
-fn clients_of_the_files_leave_nothing_behind_and_nothing_is_in_shared_memory() {
-    let (folder, instance) = (tempfile::tempdir().expect("a temporary folder"), unique_instance());
-    let over = Transport::files(folder.path());
-    let daemon = Daemon::start(&over, &instance);
-    let use_once = || {
-        let mut client = Client::connect_over(&over, &instance).expect("the daemon runs");
-        client.status(PLENTY).expect("answered");
-    };
-    use_once();
-    let before = files_below(folder.path());
-    assert!(!before.is_empty(), "nothing is in the folder");
-    (0..20).for_each(|_| use_once());
-    // The daemon drops its side of a connection when it next looks.
-    let deadline = Instant::now() + PLENTY;
-    while files_below(folder.path()).len() > before.len() && Instant::now() < deadline {
-        use_once();
-    }
-    // Fewer when the daemon had not yet dropped the first client's when they were counted.
-    let after = files_below(folder.path());
-    assert!(after.len() <= before.len(), "{before:?} became {after:?}");
-    let mapped = std::fs::read_to_string("/proc/self/maps").expect("readable");
-    let place = folder.path().display().to_string();
-    assert!(mapped.contains(&place), "the daemon in this process maps files below {place}");
-    drop(daemon);
-    let left = files_below(folder.path());
-    assert!(left.len() <= 1, "the end leaves {left:?}");
-}
-
-#[test]
-fn a_daemon_starts_where_another_was_killed_while_it_made_its_services() {
-    let (folder, instance) = (tempfile::tempdir().expect("a temporary folder"), unique_instance());
-    let over = Transport::files(folder.path());
-    let services = folder.path().join("ipc/services");
-    let daemon = Daemon::start(&over, &instance);
-    // A started daemon has answered once.
-    Client::connect_over(&over, &instance).expect("the daemon runs").status(PLENTY).expect("answered");
-    let described: Vec<(std::path::PathBuf, Vec<u8>)> = files_below(&services)
-        .into_iter()
-        .map(|file| (file.clone().into(), std::fs::read(file).expect("readable")))
-        .collect();
-    assert_eq!(described.len(), 7, "one description for each topic");
-    drop(daemon);
-    assert!(files_below(&services).is_empty(), "a clean end leaves nothing");
-    // One that was made but for its memory, and one that was not even written.
-    std::fs::write(&described[0].0, &described[0].1).expect("written");
-    std::fs::write(&described[1].0, "").expect("written");
-    let _daemon = Daemon::start(&over, &instance);
-    let mut client = Client::connect_over(&over, &instance).expect("the daemon runs");
-    client.status(PLENTY).expect("answered");
 }
 
 #[test]
