@@ -117,7 +117,7 @@ fn problems(mut file: impl BufRead, path: &Path) -> Result<Vec<KnownProblem>, Cl
             }
             _ => {}
         }
-        let text = std::str::from_utf8(&bytes).map_err(|error| place(error.to_string()))?;
+        let text = std::str::from_utf8(&bytes).map_err(|error| place(format!("not UTF-8 text: {error}")))?;
         let text = text.trim_start_matches('\u{feff}').trim();
         if text.is_empty() {
             continue;

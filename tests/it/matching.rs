@@ -140,11 +140,7 @@ fn without_ground_truth_nothing_is_judged() {
 fn what_cannot_be_matched_is_told() {
     let fixture = Fixture::new(2);
     let path = fixture.path().to_str().unwrap();
-    run(&["match", path, "--set", "2"]).expect_code(65).expect_talk(&[
-        "no frame set 2",
-        "0 to 1",
-        "recording.yaml",
-    ]);
+    run(&["match", path, "--set", "2"]).expect_code(65).expect_talk(&[path, "no frame set 2", "0 to 1"]);
     run(&["match", path, "--set", "first"]).expect_code(2);
     run(&["match", path, "--association", "guess"]).expect_code(2);
     run(&["match"]).expect_code(2);
