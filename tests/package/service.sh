@@ -74,7 +74,8 @@ check "completions are there" in_root test -s /usr/share/bash-completion/complet
 
 in_root useradd -M -G pelical robotapp
 in_root useradd -M stranger
-check "a member of the group asks, without any option" says 'streaming' as robotapp pelical status
+# Cameras are told once a second.
+check "a member of the group asks, without any option" patiently 10 says 'streaming' as robotapp pelical status
 check "a stranger is refused" says 'no permission' as stranger pelical status
 check "a stranger is refused with a failure" fails as stranger pelical status
 check "nothing of it is in /dev/shm" fails in_root sh -c 'ls /dev/shm | grep -q iox2'
