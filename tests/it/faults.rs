@@ -5,12 +5,12 @@ use serde_json::Value;
 use crate::env::{Running, TestEnv};
 use crate::fixture::{Fixture, SERIALS};
 
-/// A daemon of two cameras, the first of which suffers.
-fn start(env: &TestEnv, fault: &str) -> (Fixture, Running) {
+/// A daemon of two cameras, the first of which suffers; with what its sections `cameras.recovery` and `sync` say.
+pub fn start_with(env: &TestEnv, fault: &str, (recovery, sync): (&str, &str)) -> (Fixture, Running) {
     let fixture = Fixture::new(5);
     let config = env.config(&format!(
-        "cameras:\n  backend: replay\n  replay: {{recording: {}, loop: true}}\n  faults:\n    list: [{{serial: \"{}\", {fault}}}]\n\
-         sync: {{stalled_after_ms: 300, reopen_after_ms: 60000}}\n",
+        "cameras:\n  backend: replay\n  replay: {{recording: {}, loop: true}}\n  recovery: {{{recovery}}}\n  faults:\n    list: \
+         [{{serial: \"{}\", {fault}}}]\nsync: {{{sync}}}\n",
         fixture.path().display(),
         SERIALS[0]
     ));
@@ -18,7 +18,12 @@ fn start(env: &TestEnv, fault: &str) -> (Fixture, Running) {
     (fixture, daemon)
 }
 
-fn states(status: &Value) -> Vec<&str> {
+fn start(env: &TestEnv, fault: &str) -> (Fixture, Running) {
+    start_with(env, fault, ("", "stalled_after_ms: 300, reopen_after_ms: 60000"))
+}
+
+/// The cameras' states, in their order.
+pub fn states(status: &Value) -> Vec<&str> {
     status["cameras"].as_array().unwrap().iter().map(|camera| camera["state"].as_str().unwrap()).collect()
 }
 

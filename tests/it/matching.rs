@@ -159,7 +159,7 @@ fn what_cannot_be_matched_is_told() {
 
 #[test]
 fn the_bench_tells_times_lines_and_drops() {
-    let document = run(&["bench", folder(), "--seconds", "0.5", "--json"]).expect_code(0).json();
+    let document = run(&["bench", folder(), "--seconds", "2", "--json"]).expect_code(0).json();
     assert_eq!(keys(&document), ["cores", "images_px", "one_core", "pipeline", "recording", "schema"]);
     assert_eq!(document["schema"], "pelical.bench/1");
     let stages = |part: &str| document[part]["stages"].as_array().unwrap().clone();
