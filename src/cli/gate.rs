@@ -5,10 +5,23 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::pipeline::PipelineOptions;
+
 /// Sets released ahead of the last one done: enough to keep every thread busy, fewer than the pipeline has room for.
 const AHEAD: u64 = 3;
 /// Between two looks whether a set was released.
 const POLL: Duration = Duration::from_micros(200);
+
+/// Held cameras are late on purpose: how long sync waits for one before it goes on without it.
+const HELD_WAIT: Duration = Duration::from_secs(2);
+/// And how long one may be silent.
+const HELD_SILENCE: Duration = Duration::from_secs(24 * 3600);
+
+/// Lets a pipeline wait for cameras behind a gate: at its start, too, when the thread of one runs before that of the other.
+pub fn wait_for_held_cameras(options: &mut PipelineOptions) {
+    options.sync.wait = options.sync.wait.max(HELD_WAIT);
+    (options.sync.stalled_after, options.sync.reopen_after) = (HELD_SILENCE, HELD_SILENCE);
+}
 
 /// When frames are due.
 #[derive(Debug)]

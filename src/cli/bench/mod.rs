@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use super::args::BenchArgs;
 use super::error::CliError;
 use super::exit::Exit;
-use super::gate::Gate;
+use super::gate::{self, Gate};
 use super::interrupt::Interrupt;
 use super::output;
 use super::output::bench::{BenchDocument, LineCounts, OneCoreEntry, PipelineEntry, StageEntry};
@@ -48,6 +48,9 @@ pub fn run(args: &BenchArgs) -> Result<Exit, CliError> {
     let one_core = one_core((&recording, &frames), &options, (args.seconds, &interrupt));
     say(format_args!("pipeline, {:.0} s", args.seconds.as_secs_f64()));
     let gate = Arc::new(Gate::new(args.rate_hz));
+    if args.rate_hz.is_none() {
+        gate::wait_for_held_cameras(&mut options);
+    }
     let cameras = cameras((&recording, frames), &gate);
     let pipeline = live((cameras, &gate), &options, (args.seconds, &interrupt))?;
     let document = BenchDocument::new(&recording, one_core, pipeline);

@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 use super::args::ReplayArgs;
 use super::error::CliError;
 use super::exit::Exit;
-use super::gate::Gate;
+use super::gate::{self, Gate};
 use super::interrupt::Interrupt;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::output::intake::RefusedFor;
@@ -32,10 +32,6 @@ use held::Held;
 
 /// Between two looks at what has become of the sets.
 const GLANCE: Duration = Duration::from_millis(20);
-/// Held cameras are late on purpose: how long sync waits for one before it goes on without it.
-const HELD_WAIT: Duration = Duration::from_secs(2);
-/// And how long one may be silent.
-const HELD_SILENCE: Duration = Duration::from_secs(24 * 3600);
 /// Without a change for so long, sets that are missing in the counts are given up.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -49,9 +45,8 @@ pub fn run(args: &ReplayArgs) -> Result<Exit, CliError> {
     let recording = args.recording.open()?;
     let truth = recording.ground_truth()?;
     let gate = args.fast.then(|| Arc::new(Gate::new(None)));
-    if gate.is_some() {
-        options.sync.wait = options.sync.wait.max(HELD_WAIT);
-        (options.sync.stalled_after, options.sync.reopen_after) = (HELD_SILENCE, HELD_SILENCE);
+    if args.fast {
+        gate::wait_for_held_cameras(&mut options);
     }
     let start = Instant::now();
     let (sender, events) = crossbeam_channel::bounded(256);
