@@ -7,10 +7,22 @@
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::path::Path;
 use std::ptr::null_mut;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use realsense_sys as sys;
 
 type Error = *mut *mut sys::rs2_error;
+
+/// One recorder at a time: the SDK (2.56) appends what `rs2_register_extrinsics` is told to a list of the whole process before it takes
+/// its own lock, and two tests at once ended in a segmentation fault. Cameras and playback register in another way, which is locked.
+static RECORDER: Mutex<()> = Mutex::new(());
+
+/// Frames that the recorder has not written yet. Above 16 a stream the SDK drops what is pushed.
+static IN_FLIGHT: AtomicUsize = AtomicUsize::new(0);
+const MAX_IN_FLIGHT: usize = 8;
 
 #[repr(C)]
 struct VideoStream {
@@ -171,6 +183,8 @@ struct Streams {
 
 /// Writes the recording; it is complete when this returns.
 pub fn record(script: &Script, path: &Path) {
+    let _alone = RECORDER.lock().unwrap_or_else(PoisonError::into_inner);
+    IN_FLIGHT.store(0, Ordering::SeqCst);
     let device = sdk!(rs2_create_software_device,);
     for (info, value) in [
         (sys::rs2_camera_info_RS2_CAMERA_INFO_NAME, "Intel RealSense D435I"),
@@ -273,19 +287,20 @@ fn push_all(script: &Script, streams: &Streams) -> Vec<Moment> {
                 n_samples += 1;
                 let frame = MotionFrameIn {
                     data: xyz.as_mut_ptr().cast(),
-                    deleter: Some(keep),
+                    deleter: Some(written),
                     timestamp_ms: *stamp_ms,
                     domain: sys::rs2_timestamp_domain_RS2_TIMESTAMP_DOMAIN_HARDWARE_CLOCK,
                     number: n_samples,
                     profile,
                 };
+                wait_for_the_writer();
                 sdk!(rs2_software_sensor_on_motion_frame, streams.motion, frame);
             }
         }
         let stamp_ms = moment.stamp_ms;
         let image = |pixels: *mut c_void, (width, bytes_per_pixel): (c_int, c_int), profile| VideoFrameIn {
             pixels,
-            deleter: Some(keep),
+            deleter: Some(written),
             stride: width * bytes_per_pixel,
             bytes_per_pixel,
             timestamp_ms: stamp_ms,
@@ -294,13 +309,27 @@ fn push_all(script: &Script, streams: &Streams) -> Vec<Moment> {
             profile,
             depth_unit_m: script.depth_unit_m,
         };
+        wait_for_the_writer();
         let depth = image(moment.depth.as_mut_ptr().cast(), (script.depth.size.0, 2), streams.depth.1);
         sdk!(rs2_software_sensor_on_video_frame, streams.depth.0, depth);
+        wait_for_the_writer();
         let color = image(moment.rgb.as_mut_ptr().cast(), (script.color.size.0, 3), streams.color.1);
         sdk!(rs2_software_sensor_on_video_frame, streams.color.0, color);
     }
     moments
 }
 
-/// The pixels are the test's, which frees them itself.
-unsafe extern "C" fn keep(_pixels: *mut c_void) {}
+/// Waits until one more frame surely finds a buffer, and counts it.
+fn wait_for_the_writer() {
+    let until = Instant::now() + Duration::from_secs(20);
+    while IN_FLIGHT.load(Ordering::SeqCst) >= MAX_IN_FLIGHT {
+        assert!(Instant::now() < until, "the recorder writes nothing");
+        thread::sleep(Duration::from_micros(200));
+    }
+    IN_FLIGHT.fetch_add(1, Ordering::SeqCst);
+}
+
+/// Called when the SDK has done with a frame. The pixels are the test's, which frees them itself.
+unsafe extern "C" fn written(_pixels: *mut c_void) {
+    IN_FLIGHT.fetch_sub(1, Ordering::SeqCst);
+}
