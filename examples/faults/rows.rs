@@ -148,7 +148,7 @@ fn place_rows(site: &Site) -> Vec<Planned<'_>> {
         ),
         (
             "full /dev/shm while it runs (to the last byte)",
-            "goes on, or is killed by the system and started again (by systemd where installed, by the campaign here); the kept calibration is served once there is room",
+            "goes on: all it ever needs was taken at its start; new clients are refused with words, and served once there is room",
             Box::new(|| memory::full_while_running(site)),
         ),
         (

@@ -56,6 +56,19 @@ pub enum ClientError {
         /// The name.
         instance: InstanceName,
     },
+    /// Shared memory is full: what is written there would kill the writer.
+    #[error(
+        "shared memory of instance '{instance}' has {} KiB left and a client needs {} KiB: remove what fills it, or make it larger",
+        free / 1024, needed / 1024
+    )]
+    NoRoom {
+        /// The name.
+        instance: InstanceName,
+        /// Free now, bytes.
+        free: u64,
+        /// Needed, bytes.
+        needed: u64,
+    },
     /// The daemon is of another release.
     #[error("the daemon '{instance}' is of another release: use client and daemon of the same release")]
     OtherRelease {
@@ -279,6 +292,7 @@ fn refusal(instance: &InstanceName, failure: Failure) -> ClientError {
         Failure::Crowded => ClientError::TooManyClients { instance },
         Failure::Denied => ClientError::Denied { instance },
         Failure::OtherRelease => ClientError::OtherRelease { instance },
+        Failure::NoRoom { free, needed } => ClientError::NoRoom { instance, free, needed },
         Failure::Other(detail) => ClientError::Failed { instance, what, detail },
         other => ClientError::Failed { instance, what, detail: format!("{other:?}") },
     }

@@ -13,6 +13,7 @@ pub mod names;
 mod ports;
 mod remains;
 pub mod request;
+mod room;
 pub mod server;
 mod services;
 pub mod transport;

@@ -15,6 +15,7 @@ use iceoryx2::prelude::{BackpressureStrategy, Config, EventId, Service, ZeroCopy
 use super::file_service::FileService;
 use super::message::{CalibrationMessage, HealthMessage, ProgressMessage};
 use super::names::{InstanceName, Topic};
+use super::room;
 use super::services::{Failure, Participant, Published, Side, has_living_publisher, listen};
 use super::transport::Transport;
 use super::wire::{
@@ -105,10 +106,12 @@ pub(super) trait Question<A> {
 
 /// Opens the daemon's ports over a transport.
 pub(super) fn serve(transport: &Transport, instance: &InstanceName) -> Result<Box<dyn ServerPorts>, Failure> {
-    Ok(match transport {
+    let ports: Box<dyn ServerPorts> = match transport {
         Transport::SharedMemory => Box::new(Serving::<ipc::Service>::open(transport, instance)?),
         Transport::Files { .. } => Box::new(Serving::<FileService>::open(transport, instance)?),
-    })
+    };
+    room::take(&transport.place())?;
+    Ok(ports)
 }
 
 /// Opens a client's ports over a transport.
@@ -116,10 +119,12 @@ pub(super) fn connect(
     transport: &Transport,
     instance: &InstanceName,
 ) -> Result<Box<dyn ClientPorts>, Failure> {
-    Ok(match transport {
+    let ports: Box<dyn ClientPorts> = match transport {
         Transport::SharedMemory => Box::new(Connected::<ipc::Service>::open(transport, instance)?),
         Transport::Files { .. } => Box::new(Connected::<FileService>::open(transport, instance)?),
-    })
+    };
+    room::take(&transport.place())?;
+    Ok(ports)
 }
 
 #[derive(Debug)]

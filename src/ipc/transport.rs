@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, SemanticString};
 
+use super::room;
 use super::services::Failure;
 
 /// Where the installed service keeps the files of its clients: made by its unit.
@@ -21,9 +22,10 @@ pub const DIRECTORY_VARIABLE: &str = "PELICAL_IPC_DIRECTORY";
 const ROOT: &str = "ipc";
 /// Longer ones leave no room for the names of sockets, which end at 107 bytes.
 pub const MAX_DIRECTORY_BYTES: usize = 48;
-/// What a daemon and a few clients need once every place for a message has been used (26 MB, half of it for answers with older
-/// calibrations; 1 MB before), with some to spare.
+/// What a daemon and a few clients need (26 MB, half of it for answers with older calibrations), with some to spare.
 pub const MIN_ROOM_BYTES: u64 = 32 << 20;
+/// What a client needs (50 kB), with some to spare.
+const MIN_CLIENT_ROOM_BYTES: u64 = 256 << 10;
 
 /// Through what daemon and clients meet.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -87,39 +89,42 @@ impl Transport {
     /// The daemon's side: makes the folders, and sees that there is room. A full memory file system would kill whoever writes to
     /// it (SIGBUS) instead of telling it.
     pub(super) fn prepare(&self) -> Result<(), Failure> {
-        let place = match self {
-            Self::SharedMemory => PathBuf::from("/dev/shm"),
-            Self::Files { directory } => {
-                self.check().map_err(Failure::Other)?;
-                let denied = |error: std::io::Error| failure(&error, directory);
-                fs::DirBuilder::new().recursive(true).mode(0o750).create(directory).map_err(denied)?;
-                let root = directory.join(ROOT);
-                if fs::create_dir(&root).is_ok() {
-                    // Whoever may enter the folder above makes files here; the umask has no say in that.
-                    fs::set_permissions(&root, fs::Permissions::from_mode(0o777)).map_err(denied)?;
-                }
-                root
+        let place = self.place();
+        if let Self::Files { directory } = self {
+            self.check().map_err(Failure::Other)?;
+            let denied = |error: std::io::Error| failure(&error, directory);
+            fs::DirBuilder::new().recursive(true).mode(0o750).create(directory).map_err(denied)?;
+            if fs::create_dir(&place).is_ok() {
+                // Whoever may enter the folder above makes files here; the umask has no say in that.
+                fs::set_permissions(&place, fs::Permissions::from_mode(0o777)).map_err(denied)?;
             }
-        };
-        // Where this cannot be found out, nothing is said.
-        let Ok(found) = rustix::fs::statvfs(&place) else { return Ok(()) };
-        let free = found.f_bavail.saturating_mul(found.f_frsize);
-        if free < MIN_ROOM_BYTES { Err(Failure::NoRoom { free, needed: MIN_ROOM_BYTES }) } else { Ok(()) }
+        }
+        room::check(&place, MIN_ROOM_BYTES)
     }
 
-    /// The client's side: makes nothing, and tells a missing daemon from a closed door.
-    pub(super) fn look(&self) -> Result<(), Failure> {
-        let Self::Files { directory } = self else {
-            // Looking there would make what iceoryx2 never removes again.
-            let root = Config::default().global.root_path().to_string();
-            return if Path::new(&root).exists() { Ok(()) } else { Err(Failure::Missing) };
-        };
-        self.check().map_err(Failure::Other)?;
-        match fs::read_dir(directory.join(ROOT)) {
-            Ok(_) => Ok(()),
-            Err(error) if error.kind() == ErrorKind::NotFound => Err(Failure::Missing),
-            Err(error) => Err(failure(&error, directory)),
+    /// Where the memory lies that is shared.
+    pub(super) fn place(&self) -> PathBuf {
+        match self {
+            Self::SharedMemory => PathBuf::from("/dev/shm"),
+            Self::Files { directory } => directory.join(ROOT),
         }
+    }
+
+    /// The client's side: makes nothing, and tells a missing daemon from a closed door and from a full memory.
+    pub(super) fn look(&self) -> Result<(), Failure> {
+        match self {
+            // Looking there through iceoryx2 would make what it never removes again.
+            Self::SharedMemory if Path::new(&Config::default().global.root_path().to_string()).exists() => {}
+            Self::SharedMemory => return Err(Failure::Missing),
+            Self::Files { directory } => {
+                self.check().map_err(Failure::Other)?;
+                fs::read_dir(self.place()).map_err(|error| match error.kind() {
+                    ErrorKind::NotFound => Failure::Missing,
+                    _ => failure(&error, directory),
+                })?;
+            }
+        }
+        room::check(&self.place(), MIN_CLIENT_ROOM_BYTES)
     }
 }
 

@@ -68,3 +68,18 @@ fn a_daemon_starts_where_another_was_killed_while_it_made_its_services() {
     let mut client = Client::connect_over(&over, &instance).expect("the daemon runs");
     client.status(PLENTY).expect("answered");
 }
+
+#[test]
+fn the_memory_of_a_daemon_is_taken_at_its_start_so_that_a_full_file_system_cannot_kill_it() {
+    use std::os::unix::fs::MetadataExt;
+    let (folder, instance) = (tempfile::tempdir().expect("a temporary folder"), unique_instance());
+    let over = Transport::files(folder.path());
+    let _daemon = Daemon::start(&over, &instance);
+    let files = files_below(folder.path());
+    let sizes =
+        files.iter().map(|file| std::fs::metadata(file).expect("there")).filter(|file| file.is_file());
+    let sizes: Vec<(u64, u64)> = sizes.map(|file| (file.len(), 512 * file.blocks())).collect();
+    assert!(sizes.iter().map(|(length, _)| length).sum::<u64>() > 10 << 20, "{sizes:?}");
+    let holes: Vec<_> = sizes.iter().filter(|(length, taken)| taken < length).collect();
+    assert!(holes.is_empty(), "bytes of files and what is taken of them: {holes:?}");
+}
