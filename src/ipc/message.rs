@@ -185,6 +185,42 @@ pub struct CameraHealth {
     pub last_frame_age_ns: Option<u64>,
     /// Frames per second since the health message before.
     pub fps_hz: f64,
+    /// Frames that the camera numbered and that never came.
+    pub lost: u64,
+    /// Frames that were damaged, or not as large as the camera says.
+    pub bad: u64,
+    /// Share of the newest depth image that has a reading, 0 to 1; `None` before the first frame.
+    pub valid_depth: Option<f64>,
+    /// Whose clock stamped the newest frame; `None` before it.
+    pub clock: Option<FrameClock>,
+}
+
+/// Whose clock a camera's frames are stamped with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameClock {
+    /// The recording's or the renderer's.
+    Source,
+    /// The camera's own, which has nothing in common with those of others.
+    Device,
+    /// The camera's own, translated to the host's.
+    Translated,
+    /// The host's, when an image arrived.
+    Host,
+}
+
+impl FrameClock {
+    /// All, in the order of their numbers, which count from 1.
+    pub const ALL: [Self; 4] = [Self::Source, Self::Device, Self::Translated, Self::Host];
+
+    /// The name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Source => "source",
+            Self::Device => "device",
+            Self::Translated => "translated",
+            Self::Host => "host",
+        }
+    }
 }
 
 /// What a camera does.

@@ -21,9 +21,9 @@ pub mod wire;
 
 pub use client::{Client, ClientError};
 pub use message::{
-    BestPair, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameSetCounts,
-    HealthMessage, PairSkew, ProgressMessage, Provenance, RefusedCounts, Skew, StageLatency, TurnSense,
-    Turning,
+    BestPair, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameClock,
+    FrameSetCounts, HealthMessage, PairSkew, ProgressMessage, Provenance, RefusedCounts, Skew, StageLatency,
+    TurnSense, Turning,
 };
 pub use names::{InstanceName, InstanceNameError};
 pub use request::{Activity, Archived, Outcome, RefusalCode, Request, RequestKind, Response, Snapshot};

@@ -15,7 +15,8 @@ use iceoryx2::service::port_factory;
 
 use super::names::{InstanceName, Topic};
 use super::remains;
-use super::transport::Transport;
+use super::room;
+use super::transport::{MIN_CLIENT_ROOM_BYTES, MIN_ROOM_BYTES, Transport};
 use super::wire::{ArchiveRequestWire, ArchiveResponseWire, RequestWire, ResponseWire};
 
 /// Most clients of one daemon at a time.
@@ -146,6 +147,8 @@ impl<'a, S: Service> Participant<'a, S> {
             Side::Daemon => transport.prepare()?,
             Side::Client => transport.look()?,
         }
+        let place = transport.place();
+        room::check(&place, MIN_CLIENT_ROOM_BYTES)?;
         // What iceoryx2 warns about becomes a typed error of ours.
         set_log_level_from_env_or(LogLevel::Error);
         let built = NodeBuilder::new()
@@ -158,6 +161,10 @@ impl<'a, S: Service> Participant<'a, S> {
             other => Failure::Other(format!("{other:?}")),
         })?;
         node.blocking_cleanup_dead_nodes(SETTLE);
+        if side == Side::Daemon {
+            // Only now: what a killed daemon held is free again.
+            room::check(&place, MIN_ROOM_BYTES)?;
+        }
         Ok(Self { node, instance, side })
     }
 

@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, SemanticString};
 
-use super::room;
 use super::services::Failure;
 
 /// Where the installed service keeps the files of its clients: made by its unit.
@@ -25,7 +24,7 @@ pub const MAX_DIRECTORY_BYTES: usize = 48;
 /// What a daemon and a few clients need (26 MB, half of it for answers with older calibrations), with some to spare.
 pub const MIN_ROOM_BYTES: u64 = 32 << 20;
 /// What a client needs (50 kB), with some to spare.
-const MIN_CLIENT_ROOM_BYTES: u64 = 256 << 10;
+pub(super) const MIN_CLIENT_ROOM_BYTES: u64 = 256 << 10;
 
 /// Through what daemon and clients meet.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -86,8 +85,7 @@ impl Transport {
         Ok(config)
     }
 
-    /// The daemon's side: makes the folders, and sees that there is room. A full memory file system would kill whoever writes to
-    /// it (SIGBUS) instead of telling it.
+    /// The daemon's side: makes the folders.
     pub(super) fn prepare(&self) -> Result<(), Failure> {
         let place = self.place();
         if let Self::Files { directory } = self {
@@ -99,7 +97,7 @@ impl Transport {
                 fs::set_permissions(&place, fs::Permissions::from_mode(0o777)).map_err(denied)?;
             }
         }
-        room::check(&place, MIN_ROOM_BYTES)
+        Ok(())
     }
 
     /// Where the memory lies that is shared.
@@ -110,7 +108,7 @@ impl Transport {
         }
     }
 
-    /// The client's side: makes nothing, and tells a missing daemon from a closed door and from a full memory.
+    /// The client's side: makes nothing, and tells a missing daemon from a closed door.
     pub(super) fn look(&self) -> Result<(), Failure> {
         match self {
             // Looking there through iceoryx2 would make what it never removes again.
@@ -124,7 +122,7 @@ impl Transport {
                 })?;
             }
         }
-        room::check(&self.place(), MIN_CLIENT_ROOM_BYTES)
+        Ok(())
     }
 }
 

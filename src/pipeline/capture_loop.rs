@@ -153,6 +153,7 @@ impl CaptureLoop {
                 }
                 bad => {
                     self.shared.counters.bad_frames.add_one();
+                    self.shared.cameras[self.camera].health.bad.add_one();
                     errors_in_a_row += 1;
                     let what = bad.map_or_else(|error| error.to_string(), |()| WRONG_SIZE.to_owned());
                     if errors_in_a_row >= MAX_ERRORS_IN_A_ROW {
@@ -218,11 +219,21 @@ impl Stream<'_> {
         slot.intrinsics = Some(self.intrinsics);
         let sequence = slot.frame.sequence;
         let expected = self.sequence.map_or(sequence, |last| last.saturating_add(1));
-        shared.counters.lost_frames.add(sequence.saturating_sub(expected));
+        let n_lost = sequence.saturating_sub(expected);
+        shared.counters.lost_frames.add(n_lost);
+        shared.cameras[camera].health.lost.add(n_lost);
         self.sequence = Some(sequence);
         shared.counters.frames.add_one();
         shared.cameras[camera].frames.add_one();
         shared.cameras[camera].note_frame(slot.arrival.duration_since(shared.started));
+        if let Some(share) = shared.cameras[camera].health.note(&slot.frame) {
+            let (camera, percent) = (&shared.cameras[camera].name, (100.0 * share).round());
+            tracing::warn!(
+                camera,
+                percent,
+                "depth image is all but empty: uncover both imagers, switch the emitter on, or unplug the camera for a moment"
+            );
+        }
         if shared.cameras[camera].state() != CameraState::Streaming {
             shared.change_camera(camera, CameraState::Streaming, "again");
         }

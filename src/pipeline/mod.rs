@@ -23,6 +23,7 @@ mod capture_loop;
 mod estimate;
 mod event;
 mod finder;
+mod frame_health;
 mod line_stage;
 pub mod matcher;
 pub mod motion;
@@ -57,6 +58,7 @@ pub use event::{
     Answer, CameraProgress, CameraState, Command, Phase, PipelineEvent, Progress, Solved, Watched,
 };
 pub use finder::{FindTimes, LineFinder, SegmentLineFinder};
+pub use frame_health::FrameHealth;
 pub use motion::{MotionOptions, Turn, TurnSense};
 pub use options::{PipelineOptions, SolveOptions, StartError, SyncOptions};
 pub use pulse::{ThreadVitals, Vitals};
@@ -135,6 +137,8 @@ pub struct CameraSnapshot {
     pub dropped: u64,
     /// Since the last frame; `None` before the first.
     pub last_frame_age: Option<Duration>,
+    /// What its frames say.
+    pub frame_health: FrameHealth,
     /// What the device said of its firmware when it was opened last; `None` before, or where it does not say.
     pub firmware: Option<String>,
 }
@@ -252,6 +256,7 @@ impl Pipeline {
             dropped: camera.dropped.get(),
             last_frame_age: (camera.frames.get() > 0)
                 .then(|| self.shared.since_start().saturating_sub(camera.last_frame())),
+            frame_health: camera.health.read(),
             firmware: camera.firmware(),
         });
         Snapshot {

@@ -9,6 +9,7 @@ use crossbeam_channel::{Sender, TrySendError};
 use crossbeam_queue::ArrayQueue;
 
 use super::event::{CameraState, Phase, PipelineEvent};
+use super::frame_health::FrameHealthCell;
 use super::pulse::Pulses;
 use super::queues::Queues;
 use super::recovery::ResetTurn;
@@ -43,6 +44,7 @@ pub(super) struct CameraShared {
     last_frame_ns: AtomicU64,
     pub(super) frames: Counter,
     pub(super) dropped: Counter,
+    pub(super) health: FrameHealthCell,
     /// Locked when a camera is opened and when somebody asks, never per frame.
     firmware: Mutex<Option<String>>,
 }
@@ -55,6 +57,7 @@ impl CameraShared {
             last_frame_ns: AtomicU64::new(0),
             frames: Counter::default(),
             dropped: Counter::default(),
+            health: FrameHealthCell::default(),
             firmware: Mutex::new(None),
         }
     }

@@ -160,7 +160,7 @@ pub fn streaming(pipeline: &Snapshot) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::{CameraSnapshot, Counts, LatencySummaries};
+    use crate::pipeline::{CameraSnapshot, Counts, FrameHealth, LatencySummaries};
     use crate::solver::{Moved, Who};
 
     fn with_cameras(states: &[CameraState]) -> Snapshot {
@@ -170,6 +170,7 @@ mod tests {
             frames: 1,
             dropped: 0,
             last_frame_age: None,
+            frame_health: FrameHealth::default(),
             firmware: None,
         };
         Snapshot {

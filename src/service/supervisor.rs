@@ -172,7 +172,7 @@ fn status(standing: &Standing<'_>, waits_for: Option<ReadyWhen>) -> String {
 mod tests {
     use super::*;
     use crate::ipc::FrameSetCounts;
-    use crate::pipeline::ThreadVitals;
+    use crate::pipeline::{FrameHealth, ThreadVitals};
     use crate::solver::{Reason, ReasonCode};
 
     fn vitals(turns: [u64; 2]) -> Vitals {
@@ -208,6 +208,7 @@ mod tests {
             frames: 0,
             dropped: 0,
             last_frame_age: None,
+            frame_health: FrameHealth::default(),
             firmware: None,
         };
         ["left", "right"].into_iter().zip(states).map(camera).collect()

@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use crate::capture::StampClock;
 use crate::ipc::{
-    BestPair, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameSetCounts, HealthMessage,
-    PairSkew, ProgressMessage, RefusedCounts, Skew, StageLatency, TurnSense, Turning,
+    BestPair, CameraHealth, CameraIdentity, CameraLines, CameraState, FrameClock, FrameSetCounts,
+    HealthMessage, PairSkew, ProgressMessage, RefusedCounts, Skew, StageLatency, TurnSense, Turning,
 };
 use crate::pipeline::{self, CameraSnapshot, Counts, LatencySummary, Progress, Snapshot};
 use crate::solver::{Moved, RigCalibration, WatchReport, Who};
@@ -114,6 +115,10 @@ impl HealthTeller {
             last_frame_age_ns: camera.last_frame_age.map(ns),
             // A restarted pipeline counts from zero again.
             fps_hz: camera.frames.saturating_sub(before(index)) as f64 / elapsed_s,
+            lost: camera.frame_health.lost,
+            bad: camera.frame_health.bad,
+            valid_depth: camera.frame_health.valid_depth,
+            clock: camera.frame_health.clock.map(FrameClock::from),
         };
         let cameras = pipeline.cameras.iter().enumerate().map(health).collect();
         self.frames = pipeline.cameras.iter().map(|camera| camera.frames).collect();
@@ -177,6 +182,17 @@ impl From<&pipeline::PairSkew> for PairSkew {
             max_ns: ns(pair.within.max_ms),
             beyond: pair.beyond,
             last_beyond_ns: ns(pair.last_beyond_ms),
+        }
+    }
+}
+
+impl From<StampClock> for FrameClock {
+    fn from(clock: StampClock) -> Self {
+        match clock {
+            StampClock::Source => FrameClock::Source,
+            StampClock::Device => FrameClock::Device,
+            StampClock::Translated => FrameClock::Translated,
+            StampClock::Host => FrameClock::Host,
         }
     }
 }

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 use pelical::geometry::motion::Motion;
 use pelical::ipc::{
     Activity, Archived, CalibrationMessage, CameraHealth, CameraIdentity, CameraLines, CameraState, Client,
-    ClientError, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage, Provenance,
-    RefusalCode, Request, RequestKind, Response, Server, ServerError, Skew, Snapshot, StageLatency,
-    Transport,
+    ClientError, FrameClock, FrameSetCounts, HealthMessage, InstanceName, Outcome, ProgressMessage,
+    Provenance, RefusalCode, Request, RequestKind, Response, Server, ServerError, Skew, Snapshot,
+    StageLatency, Transport,
 };
 use pelical::solver::{CameraPose, Reason, ReasonCode, RigCalibration, State};
 
@@ -72,6 +72,10 @@ fn health(sequence: u64) -> HealthMessage {
         dropped: 0,
         last_frame_age_ns: Some(12),
         fps_hz: 30.0,
+        lost: 0,
+        bad: 0,
+        valid_depth: Some(0.75),
+        clock: Some(FrameClock::Source),
     };
     let stage = StageLatency {
         stage: "detect".to_owned(),

@@ -10,7 +10,8 @@ use super::moved::{self, MovedEntry};
 use super::text::table;
 use super::time::{age_in_words, age_s, now_ns};
 use crate::ipc::{
-    CameraHealth, HealthMessage, InstanceName, Outcome, PairSkew, ProgressMessage, Snapshot, StageLatency,
+    CameraHealth, FrameClock, HealthMessage, InstanceName, Outcome, PairSkew, ProgressMessage, Snapshot,
+    StageLatency,
 };
 
 /// `pelical.status/1`.
@@ -94,6 +95,14 @@ pub struct CameraStatus {
     pub last_frame_age_ms: Option<f64>,
     /// Frames per second.
     pub fps_hz: f64,
+    /// Frames that the camera numbered and that never came.
+    pub lost: u64,
+    /// Damaged frames.
+    pub bad: u64,
+    /// Share of the newest depth image that has a reading, 0 to 1; null before the first frame.
+    pub valid_depth: Option<f64>,
+    /// Whose clock stamps the frames: source (a recording's), device, translated or host; null before the first.
+    pub clock: Option<&'static str>,
 }
 
 /// How long one stage takes.
@@ -170,6 +179,10 @@ impl From<&CameraHealth> for CameraStatus {
             dropped: camera.dropped,
             last_frame_age_ms: camera.last_frame_age_ns.map(|age_ns| age_ns as f64 * 1e-6),
             fps_hz: camera.fps_hz,
+            lost: camera.lost,
+            bad: camera.bad,
+            valid_depth: camera.valid_depth,
+            clock: camera.clock.map(FrameClock::name),
         }
     }
 }
@@ -243,11 +256,26 @@ pub fn text(status: &StatusDocument) -> String {
     if !status.cameras.is_empty() {
         let rows = status.cameras.iter().map(|camera| {
             let age = camera.last_frame_age_ms.map_or_else(|| "-".to_owned(), |age| format!("{age:.0}"));
-            let counts = [camera.frames, camera.dropped].map(|count| count.to_string());
-            let rate = format!("{:.1}", camera.fps_hz);
-            [vec![camera.name.clone(), camera.state.to_owned(), rate], counts.to_vec(), vec![age]].concat()
+            let counts = [camera.frames, camera.dropped, camera.lost, camera.bad];
+            let depth =
+                camera.valid_depth.map_or_else(|| "-".to_owned(), |share| format!("{:.0}", 100.0 * share));
+            let mut row = vec![camera.name.clone(), camera.state.to_owned(), format!("{:.1}", camera.fps_hz)];
+            row.extend(counts.map(|count| count.to_string()));
+            row.extend([depth, camera.clock.unwrap_or("-").to_owned(), age]);
+            row
         });
-        let header = ["camera", "state", "frames/s", "frames", "dropped", "last frame ms ago"];
+        let header = [
+            "camera",
+            "state",
+            "frames/s",
+            "frames",
+            "dropped",
+            "lost",
+            "bad",
+            "depth %",
+            "clock",
+            "last frame ms ago",
+        ];
         text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
     }
     if !status.pair_skews.is_empty() {

@@ -9,8 +9,8 @@ use super::status::{self, StatusDocument, Words};
 use super::text;
 use crate::geometry::motion::Motion;
 use crate::ipc::{
-    Activity, CameraHealth, CameraIdentity, CameraState, FrameSetCounts, HealthMessage, InstanceName,
-    Snapshot,
+    Activity, CameraHealth, CameraIdentity, CameraState, FrameClock, FrameSetCounts, HealthMessage,
+    InstanceName, Snapshot,
 };
 use crate::solver::{
     CameraPose, Moved, PairEstimate, Reason, ReasonCode, RigCalibration, State, WatchReport, Who,
@@ -209,6 +209,10 @@ fn words_of_a_moved_camera() -> (Snapshot, HealthMessage) {
         dropped: 0,
         last_frame_age_ns: Some(0),
         fps_hz: 30.0,
+        lost: 0,
+        bad: 0,
+        valid_depth: Some(0.75),
+        clock: Some(FrameClock::Source),
     };
     let health = HealthMessage {
         sequence: 1,

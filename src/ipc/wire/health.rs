@@ -8,8 +8,10 @@ use super::{
     MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, MAX_STAGES, VERSION, WireError, check_version, code_of, count,
     count_wire, not_negative, pair_indices, value_of,
 };
-use crate::ipc::message::{CameraHealth, CameraState, HealthMessage, PairSkew, StageLatency};
+use crate::ipc::message::{CameraHealth, CameraState, FrameClock, HealthMessage, PairSkew, StageLatency};
 
+/// Share of depth of a camera that never sent a frame.
+const UNKNOWN_SHARE: f64 = -1.0;
 /// Age of the last frame of a camera that never sent one.
 const NEVER_NS: u64 = u64::MAX;
 
@@ -80,6 +82,16 @@ pub struct CameraHealthWire {
     pub last_frame_age_ns: u64,
     /// Frames per second.
     pub fps_hz: f64,
+    /// Frames that were numbered and never came.
+    pub lost: u64,
+    /// Damaged frames.
+    pub bad: u64,
+    /// Share of the depth image with a reading; below 0 for unknown.
+    pub valid_depth: f64,
+    /// 0 unknown, 1 source, 2 device, 3 translated, 4 host.
+    pub clock: u32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 /// How long one stage takes.
@@ -106,6 +118,11 @@ const NO_CAMERA: CameraHealthWire = CameraHealthWire {
     dropped: 0,
     last_frame_age_ns: 0,
     fps_hz: 0.0,
+    lost: 0,
+    bad: 0,
+    valid_depth: UNKNOWN_SHARE,
+    clock: 0,
+    reserved: 0,
 };
 
 const NO_STAGE: StageWire =
@@ -149,6 +166,11 @@ impl TryFrom<&HealthMessage> for HealthWire {
                 dropped: camera.dropped,
                 last_frame_age_ns: camera.last_frame_age_ns.unwrap_or(NEVER_NS),
                 fps_hz: camera.fps_hz,
+                lost: camera.lost,
+                bad: camera.bad,
+                valid_depth: camera.valid_depth.unwrap_or(UNKNOWN_SHARE),
+                clock: camera.clock.map_or(0, |clock| code_of(&FrameClock::ALL, &clock)),
+                reserved: 0,
             };
         }
         for (slot, stage) in wire.stages.iter_mut().zip(&message.stages) {
@@ -193,7 +215,27 @@ fn camera_of(wire: &CameraHealthWire) -> Result<CameraHealth, WireError> {
         dropped: wire.dropped,
         last_frame_age_ns: (wire.last_frame_age_ns != NEVER_NS).then_some(wire.last_frame_age_ns),
         fps_hz: not_negative("camera fps_hz", wire.fps_hz)?,
+        lost: wire.lost,
+        bad: wire.bad,
+        valid_depth: share_of(wire.valid_depth)?,
+        clock: match wire.clock {
+            0 => None,
+            code => Some(value_of(&FrameClock::ALL, code, "camera clock")?),
+        },
     })
+}
+
+/// A share of readings, or that it is unknown.
+fn share_of(share: f64) -> Result<Option<f64>, WireError> {
+    if share == UNKNOWN_SHARE {
+        return Ok(None);
+    }
+    let share = not_negative("camera valid_depth", share)?;
+    if share <= 1.0 {
+        Ok(Some(share))
+    } else {
+        Err(WireError::Value { field: "camera valid_depth", allowed: "0 to 1, or -1 for unknown" })
+    }
 }
 
 fn pair_wire(pair: &PairSkew) -> Result<PairSkewWire, WireError> {

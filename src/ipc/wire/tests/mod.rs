@@ -105,6 +105,10 @@ fn health() -> HealthMessage {
         dropped: 2,
         last_frame_age_ns: age,
         fps_hz: 29.97,
+        lost: 3,
+        bad: 4,
+        valid_depth: age.map(|_| 0.5),
+        clock: age.map(|_| FrameClock::Device),
     };
     HealthMessage {
         sequence: 1,
@@ -163,9 +167,10 @@ fn the_layouts_are_frozen() {
     assert_eq!(offset_of!(ProgressWire, turn_rad_per_s), 112);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 120);
     assert_eq!(offset_of!(ProgressWire, cameras), 152);
-    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 72 + 8 * 64 + 120 * 56);
-    assert_eq!(offset_of!(HealthWire, pair_skews), 32 + 344 + 16 * 72 + 8 * 64);
+    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 104 + 8 * 64 + 120 * 56);
+    assert_eq!(offset_of!(HealthWire, pair_skews), 32 + 344 + 16 * 104 + 8 * 64);
     assert_eq!(offset_of!(HealthWire, watch), 32);
+    assert_eq!(size_of::<CameraHealthWire>(), 104);
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
     assert_eq!(size_of::<RequestWire>(), 24);
