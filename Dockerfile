@@ -1,10 +1,17 @@
 # pelicald in a container. How to run it, with the flags for cameras and shared memory: docs/installation.md.
-FROM rust:1.92-slim-bookworm AS build
+#
+# Live cameras: `docker build --build-arg FEATURES=realsense --build-arg BUILD_IMAGE=... --build-arg RUN_IMAGE=...`, with images of your own that
+# have librealsense: the first, made from the one below, with its development files.
+ARG BUILD_IMAGE=rust:1.92-slim-bookworm
+ARG RUN_IMAGE=debian:bookworm-slim
+
+FROM ${BUILD_IMAGE} AS build
+ARG FEATURES=
 WORKDIR /build
 COPY . .
-RUN cargo build --release --locked
+RUN cargo build --release --locked --features "${FEATURES}"
 
-FROM debian:bookworm-slim
+FROM ${RUN_IMAGE}
 # The same numbers on the host, where the udev rules give the cameras to this group.
 RUN groupadd --gid 64990 pelical \
     && useradd --uid 64990 --gid pelical --groups video --home-dir /var/lib/pelical --shell /usr/sbin/nologin pelical \

@@ -22,6 +22,8 @@ pub struct UsbCamera {
     pub port: String,
     /// Serial number of its USB device; empty where it does not tell.
     pub serial: String,
+    /// The bus, which is one half of a controller; `None` where sysfs does not tell.
+    pub bus: Option<u32>,
     /// Mbit/s; `None` where sysfs does not tell.
     pub speed_mbit_per_s: Option<f64>,
     /// Device nodes: that of USB first, then video, hidraw and iio.
@@ -58,6 +60,7 @@ fn camera(system: &System, port: &str) -> Option<UsbCamera> {
         model,
         port: port.to_owned(),
         serial: text("serial").unwrap_or_default(),
+        bus: number("busnum"),
         speed_mbit_per_s: text("speed").and_then(|speed| speed.parse().ok()),
         nodes,
     })

@@ -2,6 +2,7 @@
 //!
 //! It only looks: nothing is changed, no root rights and no network are needed.
 
+mod bandwidth;
 mod cameras;
 mod clock;
 mod daemon;
@@ -53,6 +54,7 @@ fn examine(system: &System, config: &Config) -> Vec<Finding> {
     let needs_service = unit::is_installed(system);
     let state = config.store.directory.as_deref().unwrap_or(Path::new(room::INSTALLED_STATE));
     let mut findings = cameras::check(system, &cameras, needs_realsense);
+    findings.extend(bandwidth::check(system, &cameras, &config.cameras));
     findings.push(daemon::back_end(&config.cameras));
     findings.push(rights::udev_rule(system, needs_realsense || !cameras.is_empty()));
     findings.push(rights::group(system, needs_service));

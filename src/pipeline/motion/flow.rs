@@ -1,5 +1,8 @@
 //! How fast the image of a camera moves, from the change of a coarse gray image. Pure.
 //!
+//! Of the whole image, not of its segments: a fast turn blurs the very edges that lie across it, so that segments are gone when their
+//! flow would be asked for.
+//!
 //! The normal flow of a thumbnail, `Σ |ΔI - mean ΔI| / Σ |∇I|`, is the part of the motion across the edges: exposure drops out, and
 //! so does the contrast of the scene. With edges in all directions it is 2/π of the motion. Beyond one thumbnail pixel per frame it
 //! falls behind, and it ends at about three: 55 px of an image of 640, which at 15 frames per second is still beyond the default limit.
