@@ -67,9 +67,8 @@ pub fn bag(messages: &[Message], compression: Compression) -> Vec<u8> {
 
 /// A bag of whole chunk records.
 pub fn file(chunks: &[Vec<u8>], topics: &[&str]) -> Vec<u8> {
-    let mut next = 0;
-    let begin = |chunk: &Vec<u8>| std::mem::replace(&mut next, next + chunk.len() as u64);
-    let begins: Vec<u64> = chunks.iter().map(begin).collect();
+    let begin = |idx: usize| chunks[..idx].iter().map(|chunk| chunk.len() as u64).sum();
+    let begins: Vec<u64> = (0..chunks.len()).map(begin).collect();
     file_naming(&begins, chunks, topics)
 }
 
