@@ -9,14 +9,14 @@ use pelical::solver::State;
 use crate::daemon::Daemon;
 use crate::rig::RATE_HZ;
 use crate::row::{finish, grown};
-use crate::site::{ANSWER, PATIENCE, SERIALS, Site, Wishes, wait_for_status};
+use crate::site::{ANSWER, PATIENCE, Place, SERIALS, Site, Wishes, wait_for_status};
 use crate::table::{Seen, time};
 
 /// A camera that is gone is noticed within this, and back within that of its return.
 const NOTICED: Duration = Duration::from_secs(2);
 const BACK: Duration = Duration::from_secs(3);
 /// What a daemon says when a fault begins.
-const PLAYED: &str = "a fault is played";
+pub const PLAYED: &str = "a fault is played";
 
 /// A fault that begins at a frame and ends after a time.
 pub struct Absence {
@@ -87,6 +87,21 @@ fn one_absence(site: &Site, absence: &Absence, seen: &mut Seen) -> Result<()> {
         SERIALS[camera], absence.fault, absence.for_s
     );
     let place = site.place(&Wishes { faults: vec![fault], ..Wishes::default() })?;
+    let returns = |_: &Daemon, began: Instant| {
+        let returns = began + gone_for;
+        std::thread::sleep(returns.saturating_duration_since(Instant::now()));
+        Ok(returns)
+    };
+    outage(&place, camera, returns, seen)
+}
+
+/// A camera without frames from a fault on, until what is awaited here; then it is back soon. The others go on meanwhile.
+pub fn outage(
+    place: &Place,
+    camera: usize,
+    wait_for_return: impl FnOnce(&Daemon, Instant) -> Result<Instant>,
+    seen: &mut Seen,
+) -> Result<()> {
     let audit = place.audit();
     let mut daemon = place.start()?;
     let mut client = place.client(PATIENCE)?;
@@ -97,8 +112,7 @@ fn one_absence(site: &Site, absence: &Absence, seen: &mut Seen) -> Result<()> {
     let noticed_after = noticed.duration_since(began);
     seen.require(noticed_after <= NOTICED && at_first >= 2, format!("noticed after {}", time(noticed_after)));
     let before = newest(&mut client)?;
-    let returns = began + gone_for;
-    std::thread::sleep(returns.saturating_duration_since(Instant::now()));
+    let returns = wait_for_return(&daemon, began)?;
     let after = newest(&mut client)?;
     let back_after = complete_set(&mut client, returns)?;
     seen.recovered(back_after, BACK);

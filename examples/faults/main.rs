@@ -10,6 +10,7 @@ mod clients;
 mod clock;
 mod daemon;
 mod disk;
+mod driver;
 mod kills;
 mod memory;
 mod private;

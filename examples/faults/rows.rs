@@ -8,7 +8,7 @@ use crate::Arguments;
 use crate::cameras::{self, Absence};
 use crate::site::{SERIALS, Site};
 use crate::table::{Row, Seen, time};
-use crate::{clients, clock, disk, kills, memory, soak};
+use crate::{clients, clock, disk, driver, kills, memory, soak};
 
 /// Name, expectation, attempt.
 type Planned<'a> = (&'static str, &'static str, Box<dyn Fn() -> Result<Seen> + 'a>);
@@ -120,6 +120,16 @@ fn absence_rows(site: &Site) -> Vec<Planned<'_>> {
             "hang: a device call of one camera does not return for 4 s, each camera in turn",
             "noticed within 2 s, back within 3 s; the others go on, none of their sets is dropped",
             Box::new(|| cameras::absences(site, &away("hang"))),
+        ),
+        (
+            "wedge: a camera gives no frames, however often it is opened, until it is reset, each camera in turn",
+            "noticed within 2 s, reset after two openings in vain, back within 3 s of the reset; the others go on, none of their sets is dropped",
+            Box::new(|| driver::reset_helps(site)),
+        ),
+        (
+            "hang for good: a device call of one camera never returns (leave_after_s: 2)",
+            "leaves within 5 s with code 74; started again, it serves the kept calibration within 5 s, history whole",
+            Box::new(|| driver::another_process_helps(site)),
         ),
         (
             "hang in stop: a device call never returns, then SIGTERM",

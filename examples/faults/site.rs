@@ -57,6 +57,10 @@ pub struct Wishes {
     pub is_lazy: bool,
     /// Calibrations that are kept.
     pub keep: u32,
+    /// The section `cameras.recovery`, without braces; the default for the rest.
+    pub recovery: &'static str,
+    /// How long a silent camera is waited for before it is opened again, s.
+    pub reopen_after_s: Option<f64>,
 }
 
 impl Site {
@@ -78,9 +82,15 @@ impl Site {
         let instance: InstanceName = format!("faults-{}-{number}", std::process::id()).parse()?;
         let transport = if wishes.shared_memory { Transport::SharedMemory } else { Transport::files(&ipc) };
         let config = folder.join("pelicald.yaml");
-        std::fs::write(&config, self.text(wishes, (&instance, &transport)))?;
         let (programs, truth) = (self.programs.clone(), self.truth.clone());
-        Ok(Place { instance, transport, config, state, folder, programs, truth })
+        let place = Place { instance, transport, config, state, folder, programs, truth };
+        self.configure(&place, wishes)?;
+        Ok(place)
+    }
+
+    /// Writes the config of a place, for its next daemon.
+    pub fn configure(&self, place: &Place, wishes: &Wishes) -> Result<()> {
+        Ok(std::fs::write(&place.config, self.text(wishes, (&place.instance, &place.transport)))?)
     }
 
     /// Puts a calibration of an earlier run, number 1, into a place.
@@ -121,14 +131,16 @@ impl Site {
         let faults: Vec<String> = wishes.faults.iter().map(|fault| format!("{{{fault}}}")).collect();
         format!(
             "instance: {instance}\nipc: {ipc}\ncameras:\n  backend: replay\n  replay: {{recording: {}, loop: true, preload: {}}}\n  \
-             list: [{}]\n  faults: {{seed: {}, list: [{}]}}\n\
-             sync: {{stalled_after_ms: 700.0, reopen_after_ms: 10000.0, wait_ms: 500.0}}\n\
+             list: [{}]\n  recovery: {{{}}}\n  faults: {{seed: {}, list: [{}]}}\n\
+             sync: {{stalled_after_ms: 700.0, reopen_after_ms: {:.1}, wait_ms: 500.0}}\n\
              lines: {{sigma_inverse_depth_per_m: {SIGMA_INVERSE_DEPTH_PER_M}}}\nestimate: {{min_new_sets: 10}}\nstore: {{directory: state, keep: {}}}\n",
             self.recording.display(),
             !wishes.is_lazy,
             listed.join(", "),
+            wishes.recovery,
             self.seed,
             faults.join(", "),
+            1e3 * wishes.reopen_after_s.unwrap_or(10.0),
             if wishes.keep == 0 { 50 } else { wishes.keep },
         )
     }

@@ -144,6 +144,10 @@ impl Storing {
         for report in kept.writer.reports() {
             take(report, &mut self.fault);
         }
+        if !kept.writer.is_running() && self.fault.as_deref() != Some(WRITER_ENDED) {
+            tracing::error!("{WRITER_ENDED}");
+            self.fault = Some(WRITER_ENDED.to_owned());
+        }
     }
 
     /// Why something that should be kept is not, at present.
@@ -157,11 +161,12 @@ impl Storing {
         let (last, is_done) = kept.writer.finish(FINISH_WITHIN);
         last.into_iter().for_each(|report| take(report, &mut self.fault));
         if !is_done {
-            tracing::error!("the disk did not take the newest calibration in time: it may not be kept");
+            tracing::error!("the newest calibration may not be kept: it was not written in time");
         }
     }
 }
 
+const WRITER_ENDED: &str = "the thread that writes calibrations has ended, which is a bug; nothing is kept until the daemon is started again";
 const NO_HISTORY: &str = "the daemon keeps no history: set store.directory in its config";
 
 impl Kept {

@@ -1,7 +1,7 @@
 //! The few calls by which the store touches the file system, behind a trait: tests let each of them fail or be the last one.
 
 use std::fs;
-use std::io::{self, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Longest file that is read, bytes; a stored calibration of 8 cameras has less than a tenth of it.
@@ -12,7 +12,7 @@ pub trait Disk: Send {
     /// An open file.
     type File;
 
-    /// Makes a folder and those above it; no error when it is there.
+    /// Makes a folder in one that is there; no error when it is there too.
     fn make_folder(&self, folder: &Path) -> io::Result<()>;
     /// The files in a folder, in any order.
     fn list(&self, folder: &Path) -> io::Result<Vec<PathBuf>>;
@@ -40,7 +40,10 @@ impl Disk for SystemDisk {
     type File = fs::File;
 
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
-        fs::create_dir_all(folder)
+        match fs::create_dir(folder) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && folder.is_dir() => Ok(()),
+            made => made,
+        }
     }
 
     fn list(&self, folder: &Path) -> io::Result<Vec<PathBuf>> {

@@ -1,7 +1,7 @@
 //! Calibrations on disk, one file each, so that none is lost and the last good one is there at the next start.
 //!
-//! A file appears under its name only when all of it is on the disk (written beside, synced, renamed, folder synced) and is never
-//! changed again. What does not hold what its checksum promises is passed over, never half taken. Going back to an older
+//! A file appears under its name only when all of it is on the disk (written beside, synced, renamed, folder synced, and before it the
+//! one above) and is never changed again. What does not hold what its checksum promises is passed over, never half taken. Going back to an older
 //! calibration adds a file that says so: the newest file is always the one that counts. docs/state.md has it for users.
 
 mod disk;
@@ -14,6 +14,7 @@ mod history;
 mod tests;
 mod writer;
 
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 pub use disk::{Disk, SystemDisk};
@@ -93,7 +94,7 @@ impl<D: Disk> Store<D> {
         let unfinished = file.with_extension(UNFINISHED);
         let text = encode(entry).map_err(|error| StoreError::unwritable(&file, &error))?;
         let disk = &self.disk;
-        disk.make_folder(&self.folder).map_err(StoreError::at("make the folder", &self.folder))?;
+        self.make_folder(&self.folder).map_err(StoreError::at("make the folder", &self.folder))?;
         let written = disk.create(&unfinished).and_then(|mut open| {
             disk.write(&mut open, text.as_bytes())?;
             disk.sync(&open)
@@ -124,10 +125,28 @@ impl<D: Disk> Store<D> {
         Ok(())
     }
 
+    /// Makes a folder and those above it that are missing. The one above is synced also when nothing is made: an earlier daemon may
+    /// have been killed before it did so.
+    fn make_folder(&self, folder: &Path) -> io::Result<()> {
+        let above = match folder.parent() {
+            None => return Ok(()),
+            Some(above) if above == Path::new("") => Path::new("."),
+            Some(above) => above,
+        };
+        match self.disk.make_folder(folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                self.make_folder(above)?;
+                self.disk.make_folder(folder)?;
+            }
+            made => made?,
+        }
+        self.disk.sync_folder(above)
+    }
+
     /// The files of the store by their numbers.
     fn files(&self) -> Result<Vec<(u64, PathBuf)>, StoreError> {
         let listed = match self.disk.list(&self.folder) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
             listed => listed.map_err(StoreError::at("list", &self.folder))?,
         };
         let mut files: Vec<_> = listed.into_iter().filter_map(|file| Some((id_of(&file)?, file))).collect();

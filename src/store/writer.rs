@@ -3,6 +3,7 @@
 //! What could not be written is tried again, so that a disk that was full for a while loses nothing.
 
 use std::collections::VecDeque;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
@@ -47,6 +48,7 @@ pub enum Report {
 pub struct Writer {
     jobs: Sender<Job>,
     reports: Receiver<Report>,
+    thread: JoinHandle<()>,
 }
 
 impl Writer {
@@ -58,15 +60,19 @@ impl Writer {
         let (jobs, todo) = unbounded();
         let (reporter, reports) = unbounded();
         let thread = std::thread::Builder::new().name("store".to_owned());
-        // Its end is seen by the end of its reports.
-        thread.spawn(move || run(&store, &todo, &reporter))?;
-        Ok(Self { jobs, reports })
+        let thread = thread.spawn(move || run(&store, &todo, &reporter))?;
+        Ok(Self { jobs, reports, thread })
     }
 
     /// Writes a calibration when its turn comes, then removes files with a number below `oldest_kept`.
     pub fn save(&self, entry: StoredCalibration, oldest_kept: u64) {
-        // The thread lives as long as this end of the channel.
+        // Fails only when the thread has ended, which `is_running` tells.
         let _ = self.jobs.send((entry, oldest_kept));
+    }
+
+    /// Whether the thread goes on; it ends before this does only by a panic, and then nothing is written any more.
+    pub fn is_running(&self) -> bool {
+        !self.thread.is_finished()
     }
 
     /// What became of calibrations since this was called last; does not wait.
@@ -75,7 +81,7 @@ impl Writer {
     }
 
     /// Waits until everything is written or was tried once more, but not longer than `within`; the last reports, and whether it
-    /// came to an end.
+    /// came to that end.
     pub fn finish(self, within: Duration) -> (Vec<Report>, bool) {
         drop(self.jobs);
         let deadline = Instant::now() + within;
@@ -83,7 +89,7 @@ impl Writer {
         loop {
             match self.reports.recv_deadline(deadline) {
                 Ok(report) => last.push(report),
-                Err(RecvTimeoutError::Disconnected) => return (last, true),
+                Err(RecvTimeoutError::Disconnected) => return (last, self.thread.join().is_ok()),
                 Err(RecvTimeoutError::Timeout) => return (last, false),
             }
         }

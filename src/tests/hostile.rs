@@ -12,7 +12,7 @@ const SEED: u64 = 20_240_513;
 const STRETCH: u64 = 60;
 const CHANCE_BYTES: u64 = 400;
 /// What tends to break parsers of text.
-const PIECES: [&str; 36] = [
+const PIECES: [&str; 38] = [
     "",
     "\0",
     "&a [*a]",
@@ -42,7 +42,9 @@ const PIECES: [&str; 36] = [
     "\"",
     "'",
     "|",
+    ">",
     "---\n",
+    "...\n",
     "%YAML 9",
     "\u{e9}",
     "../..",

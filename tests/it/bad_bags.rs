@@ -3,7 +3,9 @@
 use pelical::capture::recording::Recording;
 use pelical::capture::{CaptureError, RgbdFrame};
 
-use crate::bag_bytes::{Compression, Message, bag, chunk_record, file, fixture, messages, record, text};
+use crate::bag_bytes::{
+    Compression, Message, bag, chunk_record, file, file_naming, fixture, messages, record, text,
+};
 use crate::env::TestEnv;
 
 const COLOR: &str = "/device_0/sensor_1/Color_0";
@@ -122,6 +124,48 @@ fn chunks_that_would_fill_the_memory_are_refused_before_they_are_unpacked() {
     );
     check_refused(&file(&[chunk_record(b"x", 1, Compression::Claimed("lz4"))], &[]), &["damaged"]);
     check_refused(&file(&[record(&[("op", &[4])], b"")], &[]), &["kind 4"]);
+}
+
+/// So many images of no pixels, in one chunk.
+fn empty_images(n: usize) -> Vec<u8> {
+    let image = record(&[("op", &[2]), ("conn", &[0; 4]), ("time", &[1; 8])], &[0; 16]);
+    chunk_record(&image.repeat(n), n * image.len(), Compression::Lz4)
+}
+
+#[test]
+fn an_index_that_names_a_chunk_again_or_out_of_order_is_refused() {
+    let topics = [&format!("{COLOR}/image/data")[..]];
+    let chunk = empty_images(10_000);
+    let next = chunk.len() as u64;
+    let whole = file(&[chunk.clone(), chunk.clone()], &topics);
+    check_refused(&whole, &["no depth images"]);
+    for begins in [vec![0; 1000], vec![0, next, 0], vec![next, 0], vec![next, next]] {
+        let bytes = file_naming(&begins, &[chunk.clone(), chunk.clone()], &topics);
+        check_refused(&bytes, &["the index of the bag is damaged", "it names a chunk at byte"]);
+    }
+    // A message may hold anything, also what looks like a chunk.
+    let outer =
+        record(&[("op", &[2]), ("conn", &[0; 4]), ("time", &[1; 8])], &[&[0; 16], &chunk[..]].concat());
+    let outer = chunk_record(&outer, outer.len(), Compression::None);
+    let inner = (outer.len() - chunk.len()) as u64;
+    check_refused(&file_naming(&[0, inner], &[outer], &topics), &["none can begin before"]);
+}
+
+#[test]
+fn more_images_than_fit_into_the_memory_are_refused_however_small_their_file_is() {
+    let topics = [&format!("{COLOR}/image/data")[..]];
+    let bytes = file(&vec![empty_images(1_000_000); 5], &topics);
+    assert!(bytes.len() < 2 << 20, "{} bytes", bytes.len());
+    check_refused(&bytes, &["more than 4000000 images and samples", "rosbag filter"]);
+}
+
+#[test]
+fn a_serial_number_without_end_is_refused() {
+    let long = |body: &[u8]| {
+        let is_serial = body.windows(13).any(|window| window == b"Serial Number");
+        Some(if is_serial { [text("Serial Number"), text(&"7".repeat(300))].concat() } else { body.to_vec() })
+    };
+    check_refused(&with("/device_0/info", long), &["Serial Number", "300 bytes", "at most 256"]);
 }
 
 #[test]

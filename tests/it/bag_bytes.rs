@@ -67,8 +67,15 @@ pub fn bag(messages: &[Message], compression: Compression) -> Vec<u8> {
 
 /// A bag of whole chunk records.
 pub fn file(chunks: &[Vec<u8>], topics: &[&str]) -> Vec<u8> {
+    let begin = |idx: usize| chunks[..idx].iter().map(|chunk| chunk.len() as u64).sum();
+    let begins: Vec<u64> = (0..chunks.len()).map(begin).collect();
+    file_naming(&begins, chunks, topics)
+}
+
+/// A bag whose index names chunks at these bytes, counted from the first chunk.
+pub fn file_naming(begins: &[u64], chunks: &[Vec<u8>], topics: &[&str]) -> Vec<u8> {
     let head = |index: u64| {
-        let counts = [topics.len() as u32, chunks.len() as u32].map(u32::to_le_bytes);
+        let counts = [topics.len() as u32, begins.len() as u32].map(u32::to_le_bytes);
         let fields: [(&str, &[u8]); 4] = [
             ("op", &[3]),
             ("index_pos", &index.to_le_bytes()),
@@ -88,18 +95,16 @@ pub fn file(chunks: &[Vec<u8>], topics: &[&str]) -> Vec<u8> {
             [("op", &[7]), ("conn", &(id as u32).to_le_bytes()), ("topic", topic.as_bytes())];
         bytes.extend(record(&fields, &about));
     }
-    let mut at = start as u64;
-    for chunk in chunks {
+    for begin in begins {
         let fields: [(&str, &[u8]); 6] = [
             ("op", &[6]),
             ("ver", &[1, 0, 0, 0]),
-            ("chunk_pos", &at.to_le_bytes()),
+            ("chunk_pos", &(start as u64 + begin).to_le_bytes()),
             ("start_time", &[0; 8]),
             ("end_time", &[0; 8]),
             ("count", &[0; 4]),
         ];
         bytes.extend(record(&fields, &[]));
-        at += chunk.len() as u64;
     }
     bytes
 }

@@ -21,6 +21,9 @@ mod fixture;
 mod frame_source;
 mod fuzz_bag;
 mod history;
+#[path = "../../src/tests/hostile.rs"]
+#[expect(dead_code, reason = "the library's own tests, whose file it is, use all of it")]
+mod hostile;
 mod ipc;
 mod lifting;
 mod matching;

@@ -12,12 +12,17 @@ use crate::geometry::{Camera, DepthCamera};
 
 /// m; what registered depth may be away from colour by rounding.
 const NO_SHIFT: f64 = 1e-9;
+/// Images and samples of gyros in one bag, of each of which a few dozen bytes are kept: two hours of a camera at 60 frames per second
+/// with its gyro at 400 Hz. Packed, many more fit into a small file.
+const MAX_STAMPED: usize = 4_000_000;
+/// Bytes; serial numbers and versions have a dozen.
+const MAX_ABOUT_BYTES: usize = 256;
 
 /// One device of a bag.
 #[derive(Debug, Default)]
 pub(super) struct Device {
-    /// Names and values: "Serial Number".
-    about: BTreeMap<String, String>,
+    serial: Option<String>,
+    firmware: Option<String>,
     /// m, by sensor.
     depth_units: BTreeMap<u32, f64>,
     pub(super) color: ImageStream,
@@ -53,7 +58,10 @@ pub(super) struct Stamped {
 /// When the bag is damaged, or a message that counts cannot be read.
 pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> {
     let mut devices: BTreeMap<u32, Device> = BTreeMap::new();
+    let mut n_stamped = 0;
     let read = file.each_message(|place, topic, message| {
+        n_stamped += usize::from(matches!(topic, Topic::Gyro { .. } | Topic::Image { part: Part::Data, .. }));
+        check_stamped(n_stamped)?;
         let (Topic::Device { device }
         | Topic::DepthUnit { device, .. }
         | Topic::Image { device, .. }
@@ -64,12 +72,34 @@ pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> 
     Ok(devices.into_values().collect())
 }
 
+fn check_stamped(n_stamped: usize) -> Result<(), String> {
+    if n_stamped > MAX_STAMPED {
+        return Err(format!(
+            "holds more than {MAX_STAMPED} images and samples of gyros; record less into one bag, or split it with `rosbag filter`"
+        ));
+    }
+    Ok(())
+}
+
+/// What a device says of itself; `None` where it is empty.
+fn about(key: &str, value: &str) -> Result<Option<String>, String> {
+    if value.len() > MAX_ABOUT_BYTES {
+        let len = value.len();
+        return Err(format!("{key} of a device has {len} bytes; at most {MAX_ABOUT_BYTES} are allowed"));
+    }
+    Ok(Some(value.to_owned()).filter(|value| !value.is_empty()))
+}
+
 impl Device {
     fn take(&mut self, place: Place, topic: Topic, message: &[u8]) -> Result<(), String> {
         match topic {
             Topic::Device { .. } => {
                 let (key, value) = message::key_value(message)?;
-                self.about.insert(key.to_owned(), value.to_owned());
+                match key {
+                    "Serial Number" => self.serial = about(key, value)?,
+                    "Firmware Version" => self.firmware = about(key, value)?,
+                    _ => {}
+                }
             }
             Topic::DepthUnit { sensor, .. } => {
                 self.depth_units.insert(sensor, round_trip(message::number(message)?));
@@ -113,12 +143,12 @@ impl Device {
                 .depth_camera(&color, depth)
                 .map_err(|what| format!("camera \"{name}\": {what}"))?,
             depth_unit_m,
-            firmware: self.about.get("Firmware Version").cloned(),
+            firmware: self.firmware.clone(),
         })
     }
 
     pub(super) fn serial(&self) -> Option<&str> {
-        self.about.get("Serial Number").map(String::as_str).filter(|serial| !serial.is_empty())
+        self.serial.as_deref()
     }
 
     /// `None` where depth is registered to colour.

@@ -67,9 +67,11 @@ impl BagFile {
         &self,
         mut visit: impl FnMut(Place, Topic, &[u8]) -> Result<(), String>,
     ) -> Result<(), String> {
-        let mut unpacked = Vec::new();
+        let (mut unpacked, mut from) = (Vec::new(), self.guard.start());
         for (chunk, &at) in (0..).zip(&self.chunks) {
-            self.guard.check_chunk(at, &mut unpacked)?;
+            // In the order of the file and side by side, as every recorder writes them: a short index that names one chunk again and
+            // again would make much of a small bag.
+            from = self.guard.check_chunk(at, from, &mut unpacked)?;
             self.with_chunk(at, |records| {
                 for (nth, record) in (0..).zip(records) {
                     let MessageRecord::MessageData(message) = record.map_err(|error| in_words(&error))?

@@ -73,10 +73,18 @@ impl Guard {
         PathBuf::from(format!("/proc/self/fd/{}", self.file.as_raw_fd()))
     }
 
-    /// Checks the chunk at a position of the file: its size, and every record in it. Uses `unpacked` as a buffer.
-    pub(super) fn check_chunk(&self, at: u64, unpacked: &mut Vec<u8>) -> Result<(), String> {
-        if at < self.start {
-            return Err(format!("the index of the bag is damaged: no chunk can begin at byte {at}"));
+    /// First byte at which a chunk can begin.
+    pub(super) fn start(&self) -> u64 {
+        self.start
+    }
+
+    /// Checks the chunk at a position of the file, which begins at `from` or later: its size, and every record in it. Returns the first
+    /// byte behind it. Uses `unpacked` as a buffer.
+    pub(super) fn check_chunk(&self, at: u64, from: u64, unpacked: &mut Vec<u8>) -> Result<u64, String> {
+        if at < from {
+            return Err(format!(
+                "the index of the bag is damaged: it names a chunk at byte {at}, where none can begin before byte {from}"
+            ));
         }
         let head = self.head((at, self.index))?;
         head.expect_op(&[CHUNK])?;
@@ -102,7 +110,8 @@ impl Guard {
             let what = format!("{} bytes are promised, there are {}", size, unpacked.len());
             return Err(damaged_chunk(at, &what));
         }
-        check_records(unpacked).map_err(|what| damaged_chunk(at, what))
+        check_records(unpacked).map_err(|what| damaged_chunk(at, what))?;
+        Ok(head.end())
     }
 
     fn check_magic(&self) -> Result<(), String> {

@@ -32,6 +32,8 @@ pub const RECORDING_FILE: &str = "recording.yaml";
 pub const GROUND_TRUTH_FILE: &str = "ground_truth.yaml";
 /// Bytes; a day of three cameras at 30 frames per second needs 200 MB, anything longer is not a text of ours.
 const MAX_TEXT_BYTES: u64 = 256 << 20;
+/// Bytes; a camera needs a hundred.
+const MAX_TRUTH_BYTES: u64 = 1 << 20;
 
 /// A checked recording: cameras and the stamps of its frame sets.
 #[derive(Debug, Clone)]
@@ -77,7 +79,8 @@ impl Recording {
 
     fn open_folder(folder: &Path) -> Result<Self, CaptureError> {
         let file = folder.join(RECORDING_FILE);
-        let text = read_text(&file)?.ok_or_else(|| CaptureError::bad_data(&file, missing_file(folder)))?;
+        let text = read_text(&file, MAX_TEXT_BYTES)?
+            .ok_or_else(|| CaptureError::bad_data(&file, missing_file(folder)))?;
         let parsed = sections::parse_recording(&text).map_err(|what| CaptureError::bad_data(&file, what))?;
         let of_camera = |info: &CameraInfo| turn_rates::read(&folder.join(&info.name));
         let turn_rates = parsed.cameras.iter().map(of_camera).collect::<Result<_, _>>()?;
@@ -171,7 +174,7 @@ impl Recording {
             Store::Bags(_) if !self.path.is_dir() => self.path.with_file_name(GROUND_TRUTH_FILE),
             _ => self.path.join(GROUND_TRUTH_FILE),
         };
-        let Some(text) = read_text(&file)? else { return Ok(None) };
+        let Some(text) = read_text(&file, MAX_TRUTH_BYTES)? else { return Ok(None) };
         let names: Vec<&str> = self.cameras.iter().map(|info| info.name.as_str()).collect();
         let truth = match &self.store {
             Store::Images => truth::parse_ground_truth(&text, &names).map(Some),
@@ -203,9 +206,9 @@ impl Recording {
     }
 }
 
-/// The text of a file; `None` when there is no such file.
-fn read_text(file: &Path) -> Result<Option<String>, CaptureError> {
-    let bytes = match read_file(file, MAX_TEXT_BYTES)? {
+/// The text of a file of at most `max_bytes`; `None` when there is no such file.
+fn read_text(file: &Path, max_bytes: u64) -> Result<Option<String>, CaptureError> {
+    let bytes = match read_file(file, max_bytes)? {
         Some(bytes) => bytes,
         None => return Ok(None),
     };

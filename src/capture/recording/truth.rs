@@ -37,8 +37,7 @@ pub(super) struct PoseSection {
 
 /// Reads and checks the text of `ground_truth.yaml` for cameras of these names; the error is a sentence.
 pub(super) fn parse_ground_truth(text: &str, names: &[&str]) -> Result<GroundTruth, String> {
-    let text = nesting::checked(text)?;
-    let section: TruthSection = serde_yaml::from_str(text).map_err(|error| error.to_string())?;
+    let section = read(text)?;
     if let Some(unknown) = section.poses.keys().find(|name| !names.contains(&name.as_str())) {
         return Err(format!("poses.{unknown}: no such camera; the recording has {}", names.join(", ")));
     }
@@ -58,7 +57,7 @@ pub(super) fn parse_ground_truth(text: &str, names: &[&str]) -> Result<GroundTru
 /// As [`parse_ground_truth`], for cameras that may be some of those in the text and in another order; `None` when the text names
 /// none of them.
 pub(super) fn parse_for_some(text: &str, names: &[&str]) -> Result<Option<GroundTruth>, String> {
-    let section: TruthSection = serde_yaml::from_str(text).map_err(|error| error.to_string())?;
+    let section = read(text)?;
     if !names.iter().any(|name| section.poses.contains_key(*name)) {
         return Ok(None);
     }
@@ -67,6 +66,10 @@ pub(super) fn parse_for_some(text: &str, names: &[&str]) -> Result<Option<Ground
     let reference_from_camera =
         first_from_camera.iter().map(|motion| reference_from_first * motion).collect();
     Ok(Some(GroundTruth { reference_from_camera }))
+}
+
+fn read(text: &str) -> Result<TruthSection, String> {
+    serde_yaml::from_str(nesting::checked(text)?).map_err(|error| error.to_string())
 }
 
 /// The motions of these cameras.

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::read_text;
+use super::{MAX_TEXT_BYTES, read_text};
 use crate::capture::{CaptureError, StampNs, TurnRate};
 
 /// Name of the file in the camera's folder.
@@ -19,7 +19,7 @@ pub(in crate::capture) fn line(stamp: StampNs, rate: TurnRate) -> String {
 /// The rates of a camera, stamps increase; empty without the file.
 pub(super) fn read(camera_folder: &Path) -> Result<Vec<(StampNs, TurnRate)>, CaptureError> {
     let file = camera_folder.join(FILE);
-    let Some(text) = read_text(&file)? else { return Ok(Vec::new()) };
+    let Some(text) = read_text(&file, MAX_TEXT_BYTES)? else { return Ok(Vec::new()) };
     parse(&text).map_err(|what| CaptureError::bad_data(&file, what))
 }
 

@@ -1,12 +1,14 @@
 //! The history of a daemon in a folder, and of the next daemon.
 
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix6, Vector3};
 
 use super::*;
 use crate::geometry::motion::Motion;
 use crate::solver::{CameraPose, RigCalibration};
+use crate::store::Disk;
 
 fn open(folder: &Path, keep: usize) -> Storing {
     let config = StoreConfig { directory: Some(folder.to_owned()), keep };
@@ -123,4 +125,68 @@ fn the_firmware_of_the_cameras_is_kept_and_served_before_any_camera_is_opened() 
     let served = message(&next, State::Stored);
     assert_eq!(served.cameras[1].firmware.as_deref(), Some("5.16.0.1"));
     assert_eq!(served.cameras[0].firmware, None);
+}
+
+/// A disk whose first call is a bug.
+struct Broken;
+
+impl Disk for Broken {
+    type File = ();
+
+    fn make_folder(&self, _: &Path) -> io::Result<()> {
+        panic!("a bug, for this test")
+    }
+
+    fn list(&self, _: &Path) -> io::Result<Vec<PathBuf>> {
+        Ok(Vec::new())
+    }
+
+    fn read(&self, _: &Path) -> io::Result<Vec<u8>> {
+        Ok(Vec::new())
+    }
+
+    fn create(&self, _: &Path) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn write(&self, _: &mut (), _: &[u8]) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn sync(&self, _: &()) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn rename(&self, _: &Path, _: &Path) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn sync_folder(&self, _: &Path) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn remove(&self, _: &Path) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_thread_that_writes_no_more_is_a_fault_that_stays() {
+    let writer = Writer::start(Store::on(Broken, "/nowhere".into())).expect("a thread");
+    let kept = Kept { history: History::default(), writer, keep: 50 };
+    let mut storing = Storing { kept: Some(kept), fault: None };
+    let cameras = rig(["1", "2"]);
+    storing.poll();
+    assert!(storing.fault().is_none());
+    storing.add(&calibrated(&cameras, 0.1), FrameSets::default());
+    while storing.fault().is_none() {
+        std::thread::yield_now();
+        storing.poll();
+    }
+    storing.add(&calibrated(&cameras, 0.2), FrameSets::default());
+    storing.poll();
+    let fault = storing.fault().expect("it stays");
+    assert!(fault.contains("which is a bug") && fault.contains("started again"), "{fault}");
+    let kept = storing.kept.take().expect("there");
+    assert!(!kept.writer.finish(FINISH_WITHIN).1, "nothing was written");
 }

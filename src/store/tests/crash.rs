@@ -35,6 +35,7 @@ enum Fault {
     Error(ErrorKind),
 }
 
+/// Names of folders have nodes too, which stay empty.
 struct Contents {
     inodes: Vec<Inode>,
     cached: BTreeMap<PathBuf, usize>,
@@ -44,6 +45,36 @@ struct Contents {
     is_dead: bool,
     ignores_sync: bool,
     random: Random,
+}
+
+impl Contents {
+    fn check_folder(&self, folder: &Path) -> io::Result<()> {
+        let is_there = folder == Path::new("/") || self.cached.contains_key(folder);
+        if is_there { Ok(()) } else { Err(ErrorKind::NotFound.into()) }
+    }
+
+    /// A new, empty node under a name whose folder is there.
+    fn add(&mut self, name: &Path) -> io::Result<usize> {
+        self.check_folder(name.parent().expect("no name for the root"))?;
+        let inode = self.inodes.len();
+        self.inodes.push(Inode::default());
+        self.cached.insert(name.to_owned(), inode);
+        Ok(inode)
+    }
+
+    /// The name means on the disk what it means to programs.
+    fn make_durable(&mut self, name: PathBuf) {
+        match self.cached.get(&name) {
+            Some(&inode) => drop(self.durable.insert(name, inode)),
+            None => drop(self.durable.remove(&name)),
+        }
+    }
+
+    /// Names in a folder, of what is there and of what was.
+    fn names_in(&self, folder: &Path) -> Vec<PathBuf> {
+        let names = self.cached.keys().chain(self.durable.keys());
+        names.filter(|name| name.parent() == Some(folder)).cloned().collect()
+    }
 }
 
 struct FaultyDisk(RefCell<Contents>);
@@ -99,14 +130,15 @@ impl FaultyDisk {
         let mut contents = self.0.into_inner();
         let names: Vec<PathBuf> = contents.cached.keys().chain(contents.durable.keys()).cloned().collect();
         for name in names {
-            let (from, to) = if contents.random.below(2) == 0 {
-                (contents.cached.get(&name).copied(), &mut contents.durable)
-            } else {
-                (contents.durable.get(&name).copied(), &mut contents.durable)
-            };
-            match from {
-                Some(inode) => drop(to.insert(name, inode)),
-                None => drop(to.remove(&name)),
+            if contents.random.below(2) == 0 {
+                contents.make_durable(name);
+            }
+        }
+        // Nothing is found in a folder that has lost its own name; a parent comes before what is in it.
+        for name in contents.durable.keys().cloned().collect::<Vec<_>>() {
+            let folder = name.parent().expect("no name for the root");
+            if folder != Path::new("/") && !contents.durable.contains_key(folder) {
+                contents.durable.remove(&name);
             }
         }
         contents.cached.clone_from(&contents.durable);
@@ -131,12 +163,19 @@ impl FaultyDisk {
 impl Disk for FaultyDisk {
     type File = usize;
 
-    fn make_folder(&self, _: &Path) -> io::Result<()> {
-        self.call(|_| Ok(()))
+    fn make_folder(&self, folder: &Path) -> io::Result<()> {
+        self.call(|contents| match contents.check_folder(folder) {
+            Ok(()) => Ok(()),
+            Err(_) => contents.add(folder).map(drop),
+        })
     }
 
-    fn list(&self, _: &Path) -> io::Result<Vec<PathBuf>> {
-        self.call(|contents| Ok(contents.cached.keys().cloned().collect()))
+    fn list(&self, folder: &Path) -> io::Result<Vec<PathBuf>> {
+        self.call(|contents| {
+            contents.check_folder(folder)?;
+            let names = contents.cached.keys();
+            Ok(names.filter(|name| name.parent() == Some(folder)).cloned().collect())
+        })
     }
 
     fn read(&self, file: &Path) -> io::Result<Vec<u8>> {
@@ -147,12 +186,7 @@ impl Disk for FaultyDisk {
     }
 
     fn create(&self, file: &Path) -> io::Result<usize> {
-        self.call(|contents| {
-            let inode = contents.inodes.len();
-            contents.inodes.push(Inode::default());
-            contents.cached.insert(file.to_owned(), inode);
-            Ok(inode)
-        })
+        self.call(|contents| contents.add(file))
     }
 
     fn write(&self, file: &mut usize, bytes: &[u8]) -> io::Result<()> {
@@ -182,10 +216,11 @@ impl Disk for FaultyDisk {
         })
     }
 
-    fn sync_folder(&self, _: &Path) -> io::Result<()> {
+    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
         self.call(|contents| {
+            contents.check_folder(folder)?;
             if !contents.ignores_sync {
-                contents.durable.clone_from(&contents.cached);
+                contents.names_in(folder).into_iter().for_each(|name| contents.make_durable(name));
             }
             Ok(())
         })
@@ -196,9 +231,14 @@ impl Disk for FaultyDisk {
     }
 }
 
+/// A store on a disk without any folder.
+fn empty(seed: u64) -> Store<FaultyDisk> {
+    Store::on(FaultyDisk::new(seed), PathBuf::from("/state/default"))
+}
+
 /// A disk with calibrations 1 to 3, of which 2 and 3 are wanted after the next one.
 fn with_three(seed: u64) -> Store<FaultyDisk> {
-    let store = Store::on(FaultyDisk::new(seed), PathBuf::from("default"));
+    let store = empty(seed);
     (1..=3).for_each(|id| store.save(&stored(id)).expect("no fault yet"));
     store
 }
@@ -234,7 +274,7 @@ fn dying_at_any_call_of_a_write_loses_nothing() {
             store.disk.set_fault(call, Fault::Death);
             let is_promised = save_fourth(&store);
             let died = store.disk.0.borrow().is_dead;
-            assert!(died || call >= 7, "call {call}: a save makes at least seven calls");
+            assert!(died || call >= 8, "call {call}: a save makes at least eight calls");
             // Once only the program dies and the cache stays, once the machine does.
             store.disk.0.borrow_mut().is_dead = false;
             store.disk.clear_fault();
@@ -246,6 +286,36 @@ fn dying_at_any_call_of_a_write_loses_nothing() {
             store.remove_old(2).expect("and can be tidied up");
             let names = store.disk.list(&store.folder).expect("listed");
             assert!(names.iter().all(|name| id_of(name).is_some_and(|id| id >= 2)), "{names:?}");
+        }
+    }
+}
+
+#[test]
+fn the_first_calibration_of_all_survives_with_the_folders_that_are_made_for_it() {
+    for seed in 0..12 {
+        let store = empty(seed);
+        store.save(&stored(1)).expect("no fault");
+        let store = Store::on(store.disk.after_power_loss(), store.folder);
+        assert_eq!(ids(&store.load().expect("readable").history), [1], "seed {seed}");
+    }
+}
+
+#[test]
+fn a_folder_that_a_killed_daemon_has_made_is_as_safe_as_one_of_its_own() {
+    for seed in 0..12 {
+        for call in 0..MANY_CALLS {
+            let store = empty(seed);
+            store.disk.make_folder(Path::new("/state")).expect("no fault yet");
+            store.disk.sync_folder(Path::new("/")).expect("no fault yet");
+            store.disk.set_fault(call, Fault::Death);
+            // The program dies, and the cache stays for the next one.
+            let _ = store.save(&stored(1));
+            store.disk.0.borrow_mut().is_dead = false;
+            store.disk.clear_fault();
+            store.save(&stored(2)).expect("the next daemon");
+            let store = Store::on(store.disk.after_power_loss(), store.folder);
+            let found = ids(&store.load().expect("readable").history);
+            assert!(found.ends_with(&[2]), "seed {seed}, call {call}: {found:?}");
         }
     }
 }
@@ -268,7 +338,7 @@ fn a_refused_call_is_said_and_loses_nothing_and_a_later_try_succeeds() {
         [ErrorKind::StorageFull, ErrorKind::ReadOnlyFilesystem, ErrorKind::PermissionDenied, ErrorKind::Other]
     {
         // The last calls of all are those of tidying up.
-        for call in 0..6 {
+        for call in 0..7 {
             let store = with_three(7);
             store.disk.set_fault(call, Fault::Error(kind));
             let error = store.save(&stored(4)).expect_err("refused").to_string();
@@ -286,7 +356,7 @@ fn a_refused_call_is_said_and_loses_nothing_and_a_later_try_succeeds() {
 #[test]
 fn a_full_disk_is_tried_again_in_the_right_order() {
     let store = with_three(3);
-    store.disk.set_fault(1, Fault::Error(ErrorKind::StorageFull));
+    store.disk.set_fault(2, Fault::Error(ErrorKind::StorageFull));
     let writer = Writer::start(store).expect("a thread");
     (4..=6).for_each(|id| writer.save(stored(id), 2));
     let (reports, is_done) = writer.finish(std::time::Duration::from_secs(60));
