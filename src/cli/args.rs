@@ -407,7 +407,7 @@ fn duration_s(text: &str) -> Result<std::time::Duration, String> {
 /// `devices`.
 #[derive(Debug, Args)]
 pub struct DevicesArgs {
-    /// Config file whose section `cameras` is used; without it, the defaults.
+    /// Config file whose section `cameras` is used; without it, that of the installed service, else the defaults.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Form of the answer.

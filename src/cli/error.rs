@@ -44,10 +44,9 @@ impl CliError {
             CliError::Capture(error) => Exit::from(error),
             CliError::Config(_) => Exit::BadConfig,
             CliError::BadInput(_) => Exit::BadData,
-            CliError::Client(ClientError::NotRunning { .. } | ClientError::NoAnswer { .. }) => {
-                Exit::NotReachable
-            }
-            CliError::Client(_) | CliError::System { .. } | CliError::Failed(_) => Exit::Failed,
+            CliError::Client(ClientError::Wire(_) | ClientError::Failed { .. }) => Exit::Failed,
+            CliError::Client(_) => Exit::NotReachable,
+            CliError::System { .. } | CliError::Failed(_) => Exit::Failed,
         }
     }
 

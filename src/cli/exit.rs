@@ -16,7 +16,7 @@ pub enum Exit {
     Failed = 1,
     /// The command line is wrong; the parser of the command line ends the program with it.
     Usage = 2,
-    /// There is no daemon under this instance name.
+    /// There is no daemon under this instance name, or it does not answer or admit this client.
     NotReachable = 3,
     /// There is no converged result.
     NoResult = 4,

@@ -5,13 +5,14 @@ use super::args::{ExportArgs, ExportFormat};
 use super::error::CliError;
 use super::exit::Exit;
 use super::history::below_id;
+use super::online::ANSWER_WITHIN;
 use super::output;
 use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs};
 use super::output::export::{self, Placed};
 use super::output::history::ProvenanceEntry;
 use super::output::time::now_ns;
 use super::talk::say;
-use crate::ipc::CalibrationMessage;
+use crate::ipc::{CalibrationMessage, Client};
 use crate::solver::State;
 
 /// Prints the published calibration, or one of the history.
@@ -21,7 +22,7 @@ use crate::solver::State;
 pub fn run(daemon: &Address, args: &ExportArgs) -> Result<Exit, CliError> {
     let mut client = daemon.connect()?;
     let found = match args.id {
-        None => client.latest_calibration()?.cloned(),
+        None => published(&mut client)?,
         Some(id) => {
             below_id(&mut client, id.saturating_add(1))?.filter(|found| found.provenance.id == Some(id))
         }
@@ -38,10 +39,18 @@ pub fn run(daemon: &Address, args: &ExportArgs) -> Result<Exit, CliError> {
         return Ok(Exit::NoResult);
     };
     if message.calibration.state == State::Stored {
-        say("pelical: this calibration is of an earlier run and not verified against live lines yet");
+        say("pelical: this calibration is not verified against live lines yet");
     }
     print(&message, args)?;
     Ok(Exit::Done)
+}
+
+/// The newest calibration that is published. A daemon that hangs hands out none, which is not the same as having none.
+fn published(client: &mut Client) -> Result<Option<CalibrationMessage>, CliError> {
+    if client.latest_calibration()?.is_none() {
+        client.status(ANSWER_WITHIN)?;
+    }
+    Ok(client.latest_calibration()?.cloned())
 }
 
 fn print(message: &CalibrationMessage, args: &ExportArgs) -> Result<(), CliError> {

@@ -17,7 +17,7 @@ use crate::ipc::{Archived, CalibrationMessage, Client};
 /// When there is no daemon, or it keeps none.
 pub fn list(daemon: &Address, output: Output) -> Result<Exit, CliError> {
     let mut client = daemon.connect()?;
-    let published = client.status(ANSWER_WITHIN)?.snapshot.calibration_id;
+    let snapshot = client.status(ANSWER_WITHIN)?.snapshot;
     let mut messages: Vec<CalibrationMessage> = Vec::new();
     let mut below = u64::MAX;
     while let Some(message) = below_id(&mut client, below)? {
@@ -25,7 +25,7 @@ pub fn list(daemon: &Address, output: Output) -> Result<Exit, CliError> {
         below = message.provenance.id.unwrap_or(0);
         messages.push(message);
     }
-    let document = HistoryDocument::new(&daemon.instance, &messages, (published, now_ns()));
+    let document = HistoryDocument::new(&daemon.instance, &messages, (&snapshot, now_ns()));
     if output.json {
         output::print_json(&document)?;
     } else {

@@ -28,5 +28,5 @@ pub use message::{
 pub use names::{InstanceName, InstanceNameError};
 pub use request::{Activity, Archived, Outcome, RefusalCode, Request, RequestKind, Response, Snapshot};
 pub use server::{Server, ServerError};
-pub use transport::{MIN_ROOM_BYTES, Transport};
+pub use transport::{MIN_CLIENT_ROOM_BYTES, MIN_ROOM_BYTES, Transport};
 pub use wire::{MAX_CAMERAS, MAX_NAME_BYTES, MAX_PAIRS, MAX_SENTENCE_BYTES, MAX_STAGES, WireError};

@@ -3,6 +3,7 @@
 //! Publishing never waits for a reader: a slow one loses its oldest message. One daemon per instance: the single publisher of the
 //! calibration is the lock, and it dies with its process.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use iceoryx2::port::listener::ListenerWaitError;
@@ -41,6 +42,18 @@ pub enum ServerError {
     Denied {
         /// The name.
         instance: InstanceName,
+    },
+    /// The folder where clients would meet the daemon cannot be used.
+    #[error(
+        "ipc.directory: cannot make or write to {}: {detail}; make it with mode 0750 for the daemon's user (of a service: \
+         RuntimeDirectory=), or name another folder",
+        folder.display()
+    )]
+    Folder {
+        /// Which.
+        folder: PathBuf,
+        /// What the system said.
+        detail: String,
     },
     /// Shared memory is full: what is written there would kill the writer.
     #[error(
@@ -213,6 +226,7 @@ fn refusal(instance: &InstanceName, failure: Failure) -> ServerError {
     match failure {
         Failure::Taken => ServerError::AlreadyRunning { instance },
         Failure::Denied => ServerError::Denied { instance },
+        Failure::Folder { folder, detail } => ServerError::Folder { folder, detail },
         Failure::OtherRelease => ServerError::OtherRelease { instance },
         Failure::NoRoom { free, needed } => ServerError::NoRoom { instance, free, needed },
         Failure::Other(detail) => ServerError::Failed { instance, what, detail },

@@ -1,6 +1,7 @@
 //! How the services are set up, for both sides and every transport alike: limits, buffers, and what a failure to open means.
 
 use std::fmt::Debug;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::NodeCreationFailure;
@@ -83,6 +84,13 @@ pub(super) enum Failure {
         free: u64,
         /// Needed.
         needed: u64,
+    },
+    /// The folder of the daemon's files cannot be made or written; in the system's words.
+    Folder {
+        /// Which.
+        folder: PathBuf,
+        /// Why.
+        detail: String,
     },
     /// It has another layout: another release of the program uses it.
     OtherRelease,

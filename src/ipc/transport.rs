@@ -24,7 +24,7 @@ pub const MAX_DIRECTORY_BYTES: usize = 48;
 /// What a daemon and a few clients need (26 MB, half of it for answers with older calibrations), with some to spare.
 pub const MIN_ROOM_BYTES: u64 = 32 << 20;
 /// What a client needs (50 kB), with some to spare.
-pub(super) const MIN_CLIENT_ROOM_BYTES: u64 = 256 << 10;
+pub const MIN_CLIENT_ROOM_BYTES: u64 = 256 << 10;
 
 /// Through what daemon and clients meet.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -90,11 +90,16 @@ impl Transport {
         let place = self.place();
         if let Self::Files { directory } = self {
             self.check().map_err(Failure::Other)?;
-            let denied = |error: std::io::Error| failure(&error, directory);
-            fs::DirBuilder::new().recursive(true).mode(0o750).create(directory).map_err(denied)?;
-            if fs::create_dir(&place).is_ok() {
+            let refused = |error: std::io::Error| Failure::Folder {
+                folder: directory.clone(),
+                detail: error.to_string(),
+            };
+            fs::DirBuilder::new().recursive(true).mode(0o750).create(directory).map_err(refused)?;
+            match fs::create_dir(&place) {
                 // Whoever may enter the folder above makes files here; the umask has no say in that.
-                fs::set_permissions(&place, fs::Permissions::from_mode(0o777)).map_err(denied)?;
+                Ok(()) => fs::set_permissions(&place, fs::Permissions::from_mode(0o777)).map_err(refused)?,
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(refused(error)),
             }
         }
         Ok(())
@@ -164,6 +169,9 @@ mod tests {
         let file = folder.path().join("file");
         fs::write(&file, "no folder").expect("written");
         let refused = Transport::files(file.join("x")).prepare();
-        assert!(matches!(&refused, Err(Failure::Other(what)) if what.contains("file")), "{refused:?}");
+        assert!(
+            matches!(&refused, Err(Failure::Folder { folder, .. }) if *folder == file.join("x")),
+            "{refused:?}"
+        );
     }
 }

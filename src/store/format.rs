@@ -16,9 +16,7 @@ pub enum FormatError {
     #[error("its first line is not that of a stored calibration of this version ({HEAD} ...)")]
     Head,
     /// Something is missing at the end, or there is more than was written.
-    #[error(
-        "it has {found} bytes behind its first line instead of {expected}: it was not written to its end"
-    )]
+    #[error("it has {found} bytes behind its first line instead of {expected}: it was cut or added to")]
     Length {
         /// Bytes that are there.
         found: usize,

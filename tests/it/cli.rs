@@ -119,6 +119,30 @@ fn a_folder_that_is_no_recording_is_bad_data() {
 }
 
 #[test]
+fn a_name_that_leads_to_no_bag_is_bad_data_and_a_pipe_is_not_waited_for() {
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+    use std::os::unix::fs::symlink;
+
+    let env = TestEnv::new();
+    let calibrate = |name: &str| env.pelical(&["calibrate", name]).expect_code(65);
+    calibrate("nowhere.bag").expect_talk(&["nowhere.bag: there is no such file"]);
+    env.write("file", "");
+    calibrate("file/below.bag").expect_talk(&["file/below.bag: there is no such file"]);
+    for name in ["round.bag", "round"] {
+        symlink(name, env.path(name)).unwrap();
+        calibrate(name).expect_talk(&[name, "there is no such"]);
+    }
+    mknodat(CWD, env.path("pipe.bag"), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+    calibrate("pipe.bag").expect_talk(&["pipe.bag: is no regular file"]);
+    // Beside others, and as the recording that a daemon plays.
+    env.pelical(&["calibrate", "pipe.bag", "nowhere.bag"]).expect_code(65);
+    env.config("cameras: {backend: replay, replay: {recording: nowhere.bag}}\n");
+    env.pelicald(&["--config", "pelicald.yaml"])
+        .expect_code(65)
+        .expect_talk(&["nowhere.bag: there is no such file"]);
+}
+
+#[test]
 fn a_byte_order_mark_does_not_spoil_a_recording() {
     let fixture = Fixture::new(2);
     fixture.write("recording.yaml", format!("\u{feff}{}", fixture::valid_text(2)));
@@ -277,6 +301,24 @@ fn recording_ends_in_time_although_no_two_frames_belong_together() {
 }
 
 #[test]
+fn devices_says_which_config_it_has_read() {
+    let env = TestEnv::new();
+    let config = env.config("{}\n");
+    let config = config.to_str().unwrap();
+    env.pelical(&["devices", "--config", config])
+        .expect_code(0)
+        .expect_talk(&[&format!("the cameras of {config}")]);
+    let document = env.pelical(&["devices", "--config", config, "--json"]).json();
+    assert_eq!(document["config"], config);
+    if !std::path::Path::new("/etc/pelical/pelicald.yaml").exists() {
+        let talk = ["no /etc/pelical/pelicald.yaml", "cameras of the defaults"];
+        let ended = env.pelical(&["devices"]).expect_code(0).expect_talk(&talk);
+        assert!(ended.stdout.contains("front") && ended.stdout.contains("synthetic"), "{}", ended.stdout);
+        assert_eq!(env.pelical(&["devices", "--json"]).json()["config"], Value::Null);
+    }
+}
+
+#[test]
 fn devices_lists_the_cameras_of_the_back_end() {
     let env = TestEnv::new();
     let fixture = Fixture::new(1);
@@ -287,8 +329,6 @@ fn devices_lists_the_cameras_of_the_back_end() {
     let document = env.pelical(&["devices", "--config", "pelicald.yaml", "--json"]).expect_code(0).json();
     assert_eq!((&document["schema"], &document["backend"]), (&"pelical.devices/1".into(), &"replay".into()));
     assert_eq!(document["devices"][0]["serial"], fixture::SERIALS[0]);
-    let text = env.pelical(&["devices"]).expect_code(0).stdout;
-    assert!(text.contains("front") && text.contains("synthetic"), "{text}");
 }
 
 fn copy(from: &std::path::Path, to: &std::path::Path) {

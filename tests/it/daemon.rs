@@ -141,6 +141,18 @@ fn a_late_subscriber_gets_the_result_and_recalibrating_gives_another() {
 }
 
 #[test]
+fn a_frozen_daemon_is_not_said_to_have_nothing_published() {
+    let env = TestEnv::new();
+    let daemon = start_good(&env);
+    env.pelical(&["export"]).expect_code(0);
+    daemon.signal("STOP");
+    for command in [&["export"][..], &["export", "--id", "1"], &["status"], &["history"]] {
+        let ended = env.pelical(command).expect_code(3);
+        assert!(ended.stdout.is_empty() && ended.stderr.contains("did not answer"), "{command:?}: {ended:?}");
+    }
+}
+
+#[test]
 fn a_missing_camera_is_reported_and_the_daemon_goes_on() {
     let env = TestEnv::new();
     let fixture = Fixture::new(5);
@@ -186,6 +198,16 @@ fn a_camera_that_gives_bad_frames_is_reported_and_the_daemon_goes_on() {
         let bad = [0, 1].map(|camera| status["cameras"][camera]["bad"].as_u64());
         camera_states(status) == ["streaming", "failed"] && bad[0] == Some(0) && bad[1] > Some(0)
     });
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named_with_what_to_do() {
+    let env = TestEnv::new();
+    for folder in ["/proc/none", "/dev/null/x"] {
+        let config = env.config(&format!("ipc: {{variant: file, directory: {folder}}}\n"));
+        let ended = env.pelicald(&["--config", config.to_str().unwrap()]).expect_code(1);
+        ended.expect_talk(&["ipc.directory", folder, "mode 0750", "RuntimeDirectory="]);
+    }
 }
 
 #[test]

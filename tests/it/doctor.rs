@@ -55,6 +55,19 @@ fn a_camera_at_usb_2_with_wrong_permissions_and_no_rule_is_told_with_causes_and_
 }
 
 #[test]
+fn a_root_that_is_not_there_is_told_and_memory_is_no_matter_of_an_image() {
+    let env = TestEnv::new();
+    for root in ["nowhere", "file"] {
+        env.write("file", "");
+        let ended = env.pelical(&["doctor", "--root", root]).expect_code(65);
+        ended.expect_talk(&[root, "there is no such folder"]);
+    }
+    std::fs::create_dir(env.path("image")).unwrap();
+    let document = env.pelical(&["doctor", "--root", "image", "--json"]).json();
+    assert!(findings(&document, "shared_memory").is_empty(), "{document}");
+}
+
+#[test]
 fn at_usb_3_the_speed_is_fine() {
     let env = TestEnv::new();
     plug_in(&env.path("root"), "5000");
@@ -94,6 +107,7 @@ fn the_doctor_looks_at_this_machine_and_its_daemon() {
     let after = doctor();
     let told = findings(&after, "daemon")[0]["finding"].as_str().unwrap();
     assert!(told.contains("cameras stream"), "{after}");
+    assert_eq!(findings(&after, "shared_memory")[0]["grade"], "ok", "{after}");
     running.signal("TERM");
     running.wait().expect_code(0);
 }

@@ -176,6 +176,7 @@ impl Running {
             "TERM" => Signal::TERM,
             "KILL" => Signal::KILL,
             "HUP" => Signal::HUP,
+            "STOP" => Signal::STOP,
             other => panic!("no test sends {other}"),
         };
         let pid = Pid::from_raw(self.child.id() as i32).expect("a process id");

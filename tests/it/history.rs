@@ -233,6 +233,25 @@ fn a_place_that_cannot_be_used_is_said_and_the_daemon_works_without() {
 }
 
 #[test]
+fn a_calibration_that_the_disk_does_not_take_is_marked_in_the_history() {
+    let env = TestEnv::new();
+    let _daemon = start(&env, synthetic_pair::recording(), "");
+    poll(|| file(&env, 1).exists().then_some(())).expect("the first is kept");
+    assert!(!env.pelical(&["history"]).expect_code(0).stdout.contains("not kept"));
+    std::fs::remove_dir_all(env.path("state")).unwrap();
+    env.write("state", "a file, no folder");
+    env.pelical(&["recalibrate", "--wait"]).expect_code(0);
+    let status = env.wait_for_status("a fault", |status| status["store_fault"].is_string());
+    let document = env.pelical(&["history", "--json"]).expect_code(0).json();
+    assert_eq!(document["store_fault"], status["store_fault"]);
+    let text = env.pelical(&["history"]).expect_code(0).stdout;
+    let rows: Vec<&str> = text.lines().collect();
+    assert!(rows[1].starts_with("2 ") && rows[1].ends_with("published not kept"), "{text}");
+    assert!(rows[2].starts_with("1 ") && !rows[2].contains("not kept"), "{text}");
+    assert!(text.ends_with(&format!("not kept    {}\n", status["store_fault"].as_str().unwrap())), "{text}");
+}
+
+#[test]
 fn without_a_place_nothing_is_kept_and_every_question_says_so() {
     let env = TestEnv::new();
     let fixture = Fixture::new(5);

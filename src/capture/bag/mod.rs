@@ -59,6 +59,7 @@ impl Bags {
             }
             devices.extend(in_file.into_iter().map(|device| (Arc::clone(&file), device)));
         }
+        check_serials(&devices)?;
         let names = names(&devices);
         let is_rig = devices.len() > 1;
         let (mut cameras, mut streams) = (Vec::new(), Vec::new());
@@ -113,6 +114,21 @@ impl Bags {
         frame.turn_rate = turn_rate;
         Ok(())
     }
+}
+
+/// Refuses two devices of one serial number, by the names of their files.
+fn check_serials(devices: &[(Arc<BagFile>, Device)]) -> Result<(), CaptureError> {
+    for (idx, (file, device)) in devices.iter().enumerate() {
+        let Some(serial) = device.serial() else { continue };
+        if let Some((other, _)) = devices[..idx].iter().find(|(_, other)| other.serial() == Some(serial)) {
+            let other = other.path().display();
+            let what = format!(
+                "is the same file as {other}, or of the same camera, {serial}: a camera has one bag in a rig"
+            );
+            return Err(CaptureError::bad_data(file.path(), what));
+        }
+    }
+    Ok(())
 }
 
 /// The name of the file for the only camera of the only file of this name; else the serial number.

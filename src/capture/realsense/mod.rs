@@ -45,9 +45,19 @@ pub fn factory(options: &RealsenseOptions) -> Result<Box<dyn DeviceFactory>, Cap
 /// Where the program was built without it.
 #[cfg(not(feature = "realsense"))]
 pub fn factory(_: &RealsenseOptions) -> Result<Box<dyn DeviceFactory>, CaptureError> {
-    Err(CaptureError::device("any", HOW_TO_BUILD))
+    Err(CaptureError::device("any", how_to_build()))
 }
 
+/// Oldest librealsense that works: the crate `realsense-sys` asks for the interface of this version, which older libraries refuse.
+pub const MIN_SDK_VERSION: &str = "2.56";
+
+/// Whether the program was built with this back end.
+pub const IS_BUILT_IN: bool = cfg!(feature = "realsense");
+
 /// How to get a program with this back end; for the message where it was built without.
-pub const HOW_TO_BUILD: &str = "this program was built without RealSense cameras: install librealsense (2.50 or newer, with its \
-     development files) and build with `cargo build --release --features realsense`";
+pub fn how_to_build() -> String {
+    format!(
+        "this program was built without RealSense cameras: install librealsense ({MIN_SDK_VERSION} or newer, with its \
+         development files) and build with `cargo build --release --features realsense`"
+    )
+}

@@ -224,9 +224,7 @@ fn read_text(file: &Path, max_bytes: u64) -> Result<Option<String>, CaptureError
 fn read_file(file: &Path, max_bytes: u64) -> Result<Option<Vec<u8>>, CaptureError> {
     let metadata = match fs::metadata(file) {
         Ok(metadata) => metadata,
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-            return Ok(None);
-        }
+        Err(error) if is_nowhere(&error) => return Ok(None),
         Err(error) => return Err(CaptureError::io(file, error)),
     };
     if !metadata.is_file() {
@@ -237,6 +235,13 @@ fn read_file(file: &Path, max_bytes: u64) -> Result<Option<Vec<u8>>, CaptureErro
         return Err(CaptureError::bad_data(file, what));
     }
     fs::read(file).map(Some).map_err(|error| CaptureError::io(file, error))
+}
+
+/// Whether the system says that there is nothing at a path, rather than that it cannot tell; links that go round lead nowhere too.
+fn is_nowhere(error: &std::io::Error) -> bool {
+    let is_loop = error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error());
+    is_loop
+        || matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename)
 }
 
 fn missing_file(folder: &Path) -> String {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::RECORDING_FILE;
+use super::{RECORDING_FILE, is_nowhere};
 use crate::capture::CaptureError;
 use crate::capture::bag::BAG_EXTENSION;
 
@@ -51,7 +51,16 @@ fn bags_at(path: &Path) -> Result<Vec<PathBuf>, CaptureError> {
             bags_in(path).map_err(|error| CaptureError::io(path, error))
         };
     }
-    Ok(if is_bag(path) { vec![path.to_path_buf()] } else { Vec::new() })
+    if !is_bag(path) {
+        return Ok(Vec::new());
+    }
+    match fs::metadata(path) {
+        Ok(metadata) if metadata.is_file() => Ok(vec![path.to_path_buf()]),
+        // Opening a pipe would wait for whoever writes it, for ever.
+        Ok(_) => Err(CaptureError::bad_data(path, "is no regular file, but a pipe, a socket or a device")),
+        Err(error) if is_nowhere(&error) => Err(CaptureError::bad_data(path, "there is no such file")),
+        Err(error) => Err(CaptureError::io(path, error)),
+    }
 }
 
 /// By name.

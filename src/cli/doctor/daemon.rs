@@ -1,17 +1,16 @@
 //! The config, the cameras its back end lists, and the daemon: is there one, and what does it say?
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::finding::Finding;
 use super::system::System;
-use crate::capture::CameraInfo;
+use crate::capture::realsense;
+use crate::capture::{CameraInfo, CaptureError};
 use crate::cli::address::Address;
 use crate::cli::online::ANSWER_WITHIN;
-use crate::ipc::{ClientError, InstanceName, Snapshot, Transport};
-use crate::service::config::{self, BackendConfig, CamerasConfig, Config, ConfigError};
-
-/// Where the installed service reads its config.
-const INSTALLED_CONFIG: &str = "/etc/pelical/pelicald.yaml";
+use crate::ipc::{ClientError, InstanceName, Response, Snapshot, Transport};
+use crate::service::config::{self, BackendConfig, CamerasConfig, Config, ConfigError, INSTALLED_CONFIG};
 
 /// Reads the config that was named, else that of the installed service, else the defaults; the defaults too where it is wrong.
 ///
@@ -28,12 +27,28 @@ pub fn config(system: &System, named: Option<&Path>) -> Result<(Config, Finding)
     match config::load(&file) {
         Ok((_, config)) => Ok((config, Finding::ok(CHECK, format!("{} is valid", file.display())))),
         Err(error) => {
-            let why = (
-                error.to_string(),
-                "correct that line; config/pelicald.yaml shows every key with what is allowed",
-            );
+            let why = (error.to_string(), cure_of_config(&error));
             let finding = format!("{} cannot be used; the rest is judged by the defaults", file.display());
             Ok((config::load_or_default(None)?, Finding::problem(CHECK, finding, why)))
+        }
+    }
+}
+
+fn cure_of_config(error: &ConfigError) -> String {
+    match error {
+        ConfigError::Read { file, source } => match source.kind() {
+            ErrorKind::NotFound | ErrorKind::NotADirectory => {
+                "name a file that is there with --config, or write one: `{}` in it means every default".to_owned()
+            }
+            ErrorKind::PermissionDenied => format!("sudo chmod a+r {}, or ask with sudo", file.display()),
+            ErrorKind::InvalidData => "save it as text in UTF-8".to_owned(),
+            _ => "name a text file that can be read with --config".to_owned(),
+        },
+        ConfigError::Value { key, .. } if key == "cameras.backend" && !realsense::IS_BUILT_IN => {
+            "build it with them as docs/realsense.md says, or set cameras.backend to replay or synthetic".to_owned()
+        }
+        ConfigError::Text { .. } | ConfigError::Value { .. } => {
+            "correct that line; config/pelicald.yaml (/usr/share/doc/pelical) shows every key with what is allowed".to_owned()
         }
     }
 }
@@ -50,19 +65,16 @@ pub fn needs_realsense(cameras: &CamerasConfig) -> bool {
 pub fn back_end(cameras: &CamerasConfig) -> Finding {
     const CHECK: &str = "devices";
     // Planning its path takes seconds, which the names of its cameras do not need.
-    let listed: Result<(&'static str, Vec<CameraInfo>), String> = match &cameras.backend {
+    let listed: Result<(&'static str, Vec<CameraInfo>), CaptureError> = match &cameras.backend {
         BackendConfig::Synthetic(options) => {
             Ok(("synthetic", options.cameras.iter().map(|camera| camera.info.clone()).collect()))
         }
-        _ => cameras
-            .factory()
-            .and_then(|factory| Ok((factory.name(), factory.list()?)))
-            .map_err(|error| error.to_string()),
+        _ => cameras.factory().and_then(|factory| Ok((factory.name(), factory.list()?))),
     };
     let (name, listed) = match listed {
         Ok(listed) => listed,
         Err(error) => {
-            let why = (error, "see the section `cameras` of the config");
+            let why = (error.to_string(), cure_of_back_end(&cameras.backend));
             return Finding::problem(CHECK, "the back end of the config cannot be used", why);
         }
     };
@@ -79,7 +91,7 @@ pub fn back_end(cameras: &CamerasConfig) -> Finding {
             format!(
                 "cameras.list names serial numbers that the back end {name} does not have; it has {there}"
             ),
-            "plug them in, or correct the serial numbers (`pelical devices` shows them)",
+            "plug them in, or correct the serial numbers (`pelical devices`, with the same --config, shows them)",
         );
         return Finding::problem(CHECK, format!("not there: {}", missing.join(", ")), why);
     }
@@ -88,6 +100,18 @@ pub fn back_end(cameras: &CamerasConfig) -> Finding {
         return Finding::problem(CHECK, format!("the back end {name} has {} cameras", listed.len()), why);
     }
     Finding::ok(CHECK, format!("the back end {name} has {there}"))
+}
+
+fn cure_of_back_end(back_end: &BackendConfig) -> &'static str {
+    match back_end {
+        BackendConfig::Replay(..) => {
+            "name a recording that can be read in cameras.replay.recording, or set another cameras.backend"
+        }
+        BackendConfig::Synthetic(_) => "correct cameras.synthetic",
+        BackendConfig::Realsense(_) => {
+            "see what the checks `versions` and `permissions` say, and docs/realsense.md"
+        }
+    }
 }
 
 /// Where the daemon of a config is, unless the command line says so itself.
@@ -103,17 +127,33 @@ pub fn address_of(address: &Address, config: &Config) -> Address {
     }
 }
 
+/// Asks the daemon how it is.
+///
+/// # Errors
+/// When it is not there, does not let this user in, or does not answer.
+pub fn ask(address: &Address) -> Result<Response, ClientError> {
+    address.connect().and_then(|mut client| client.status(ANSWER_WITHIN))
+}
+
+/// Whether there is a daemon, whatever it answered.
+pub fn is_there(answered: &Result<Response, ClientError>) -> bool {
+    !matches!(answered, Err(ClientError::NotRunning { .. }))
+}
+
 /// Whether the daemon answers, and what it is at.
-pub fn daemon(address: &Address, is_installed: bool) -> Finding {
+pub fn daemon(
+    instance: &InstanceName,
+    answered: &Result<Response, ClientError>,
+    is_installed: bool,
+) -> Finding {
     const CHECK: &str = "daemon";
-    let answered = address.connect().and_then(|mut client| client.status(ANSWER_WITHIN));
     let cause = match answered {
         Ok(response) => return answering(CHECK, &response.snapshot),
         Err(error) => error,
     };
-    let what = format!("the daemon '{}' does not answer", address.instance);
+    let what = format!("the daemon '{instance}' does not answer");
     let why = |cure: &str| (cause.to_string(), cure.to_owned());
-    match &cause {
+    match cause {
         ClientError::NotRunning { .. } if !is_installed => Finding::warning(
             CHECK,
             what,
@@ -125,6 +165,12 @@ pub fn daemon(address: &Address, is_installed: bool) -> Finding {
             why("sudo systemctl start pelicald; see what the check `unit` says"),
         ),
         ClientError::Denied { .. } => Finding::problem(CHECK, what, why("see what the check `group` says")),
+        ClientError::NoRoom { .. } => {
+            Finding::problem(CHECK, what, why("see what the check `shared_memory` says"))
+        }
+        ClientError::TooManyClients { .. } => {
+            Finding::problem(CHECK, what, why("end a program that is connected, such as a `pelical watch`"))
+        }
         _ => Finding::problem(CHECK, what, why("sudo systemctl restart pelicald")),
     }
 }

@@ -29,14 +29,21 @@ use system::System;
 /// Looks and prints; failed where there is a problem.
 ///
 /// # Errors
-/// When stdout cannot be written.
+/// When there is no such root, or stdout cannot be written.
 pub fn run(address: &Address, args: &DoctorArgs) -> Result<Exit, CliError> {
+    if let Some(root) = args.root.as_deref().filter(|root| !root.is_dir()) {
+        return Err(CliError::BadInput(format!("{}: there is no such folder", root.display())));
+    }
     let system = System::new(args.root.as_deref());
     let (config, about_config) = daemon::config(&system, args.config.as_deref())?;
     let mut findings = vec![about_config];
     findings.extend(examine(&system, &config));
+    // An image has neither memory nor processes.
     if system.is_running {
-        findings.push(daemon::daemon(&daemon::address_of(address, &config), unit::is_installed(&system)));
+        let address = daemon::address_of(address, &config);
+        let answered = daemon::ask(&address);
+        findings.push(room::shared_memory(&system, &config.transport, daemon::is_there(&answered)));
+        findings.push(daemon::daemon(&address.instance, &answered, unit::is_installed(&system)));
     }
     let document = DoctorDocument::new(findings);
     if args.output.json {
@@ -47,7 +54,7 @@ pub fn run(address: &Address, args: &DoctorArgs) -> Result<Exit, CliError> {
     Ok(if document.grade == Grade::Problem { Exit::Failed } else { Exit::Done })
 }
 
-/// Everything but the config itself and the daemon.
+/// Everything but the config itself, and what only a running system has.
 fn examine(system: &System, config: &Config) -> Vec<Finding> {
     let needs_realsense = daemon::needs_realsense(&config.cameras);
     let cameras = cameras::on_bus(system);
@@ -58,7 +65,6 @@ fn examine(system: &System, config: &Config) -> Vec<Finding> {
     findings.push(daemon::back_end(&config.cameras));
     findings.push(rights::udev_rule(system, needs_realsense || !cameras.is_empty()));
     findings.push(rights::group(system, needs_service));
-    findings.push(room::shared_memory(system, &config.transport));
     findings.push(room::state_directory(system, config.store.directory.as_ref()));
     findings.extend(clock::check(system, Some(state)));
     findings.push(unit::check(system));

@@ -4,16 +4,17 @@ use std::path::{Path, PathBuf};
 
 use super::finding::Finding;
 use super::system::System;
-use crate::ipc::{MIN_ROOM_BYTES, Transport};
+use crate::ipc::{MIN_CLIENT_ROOM_BYTES, MIN_ROOM_BYTES, Transport};
 
+const KIB: u64 = 1 << 10;
 const MIB: u64 = 1 << 20;
 /// A calibration of eight cameras is 0.3 MB as a file, and 50 are kept.
 const STATE_BYTES: u64 = 16 << 20;
 /// Where the installed service keeps its state.
 pub const INSTALLED_STATE: &str = "/var/lib/pelical";
 
-/// Whether the messages to clients find room.
-pub fn shared_memory(system: &System, transport: &Transport) -> Finding {
+/// Whether the messages to clients find room: a daemon takes its own when it starts, and then a client's is needed.
+pub fn shared_memory(system: &System, transport: &Transport, is_daemon_there: bool) -> Finding {
     const CHECK: &str = "shared_memory";
     let place = match transport {
         Transport::SharedMemory => Path::new("/dev/shm"),
@@ -41,14 +42,16 @@ pub fn shared_memory(system: &System, transport: &Transport) -> Finding {
         let why = ("the system does not tell", "look at `df -h` yourself");
         return Finding::warning(CHECK, format!("{shown}: its free space is not known"), why);
     };
+    let (who, needed) =
+        if is_daemon_there { ("a client", MIN_CLIENT_ROOM_BYTES) } else { ("the daemon", MIN_ROOM_BYTES) };
     let (free, total) = (space.free / MIB, space.total / MIB);
-    if space.free >= MIN_ROOM_BYTES {
+    if space.free >= needed {
         return Finding::ok(CHECK, format!("{shown} has {free} of {total} MiB free"));
     }
-    let needed = MIN_ROOM_BYTES / MIB;
+    let (free, needed) = (space.free / KIB, needed / KIB);
     Finding::problem(
         CHECK,
-        format!("{shown} has {free} of {total} MiB free, the daemon needs {needed} MiB"),
+        format!("{shown} has {free} KiB of {total} MiB free, {who} needs {needed} KiB"),
         (
             "other programs have filled it, or left files of killed processes behind",
             format!(

@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 /// Name of the service's user and of the group of its clients.
 pub const SERVICE: &str = "pelical";
 
+/// Links in a row, as the kernel has it.
+const MAX_LINKS: usize = 40;
+
 /// Bytes of a file system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Space {
@@ -96,6 +99,19 @@ impl System {
         fs::symlink_metadata(self.path(absolute)).is_ok()
     }
 
+    /// The file of the system that a path leads to, links followed below the root; `None` where it leads nowhere.
+    pub fn follow(&self, absolute: impl AsRef<Path>) -> Option<PathBuf> {
+        let mut file = absolute.as_ref().to_owned();
+        for _ in 0..MAX_LINKS {
+            let Ok(target) = fs::read_link(self.path(&file)) else {
+                return self.exists(&file).then_some(file);
+            };
+            // An absolute target replaces what it is joined to.
+            file = file.parent().unwrap_or(Path::new("/")).join(target);
+        }
+        None
+    }
+
     /// Who may use a file; `None` where it is not there.
     pub fn rights(&self, absolute: impl AsRef<Path>) -> Option<Rights> {
         let found = fs::metadata(self.path(absolute)).ok()?;
@@ -152,8 +168,11 @@ impl System {
 
     /// Who opens the cameras and writes the state: the service's user where there is one, else who asks.
     pub fn daemon_user(&self) -> User {
-        let asker = || User { name: "you".to_owned(), uid: self.uid, gids: self.gids.clone() };
-        self.user(SERVICE).unwrap_or_else(asker)
+        self.user(SERVICE).unwrap_or_else(|| User {
+            name: self.asker().map_or_else(|| self.uid.to_string(), |user| user.name),
+            uid: self.uid,
+            gids: self.gids.clone(),
+        })
     }
 }
 

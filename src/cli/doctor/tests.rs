@@ -3,9 +3,13 @@
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
+use std::time::Duration;
 
+use super::daemon::is_there;
 use super::finding::{DoctorDocument, Finding, Grade};
+use super::room::shared_memory;
 use super::system::{Space, System, User};
+use crate::ipc::{ClientError, InstanceName, Transport};
 
 const RULES: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/udev/60-pelical.rules"));
 const USB_NODE: &str = "/dev/bus/usb/002/005";
@@ -132,7 +136,6 @@ fn a_system_in_order_has_neither_problem_nor_warning() {
         "permissions",
         "udev_rule",
         "group",
-        "shared_memory",
         "clock",
         "unit",
         "versions",
@@ -223,12 +226,32 @@ fn the_group_and_its_members_are_looked_at() {
 #[test]
 fn a_full_or_missing_memory_file_system_is_told() {
     let mut made_up = MadeUp::new();
+    let files = Transport::files("/run/pelical");
+    let check = |made_up: &MadeUp, transport: &Transport, is_daemon_there, (grade, part): (Grade, &str)| {
+        let found = shared_memory(&made_up.system, transport, is_daemon_there);
+        assert!(found.grade == grade && found.finding.contains(part), "{part:?}: {found:?}");
+    };
     made_up.system.space = |_| Some(Space { free: 31 << 20, total: 64 << 20 });
-    made_up.check("shared_memory", Grade::Problem, &["/run/pelical has 31 of 64 MiB free", "needs 32 MiB"]);
-    made_up.write("/etc/pelical/pelicald.yaml", "ipc: {variant: default}\n");
-    made_up.check("shared_memory", Grade::Problem, &["/dev/shm has 31 of 64 MiB free"]);
+    let for_a_start = "has 31744 KiB of 64 MiB free, the daemon needs 32768 KiB";
+    for transport in [&files, &Transport::SharedMemory] {
+        check(&made_up, transport, false, (Grade::Problem, for_a_start));
+        check(&made_up, transport, true, (Grade::Ok, "has 31 of 64 MiB free"));
+    }
+    made_up.system.space = |_| Some(Space { free: 100 << 10, total: 64 << 20 });
+    check(&made_up, &files, true, (Grade::Problem, "has 100 KiB of 64 MiB free, a client needs 256 KiB"));
     fs::remove_dir(made_up.at("/dev/shm")).expect("it was there");
-    made_up.check("shared_memory", Grade::Problem, &["/dev/shm is not there"]);
+    check(&made_up, &Transport::SharedMemory, false, (Grade::Problem, "/dev/shm is not there"));
+}
+
+#[test]
+fn only_a_daemon_that_is_not_there_gives_its_memory_back() {
+    let instance = InstanceName::default();
+    assert!(!is_there(&Err(ClientError::NotRunning { instance: instance.clone() })));
+    let hangs = Err(ClientError::NoAnswer { instance: instance.clone(), waited: Duration::ZERO });
+    assert!(is_there(&hangs));
+    let full = Err(ClientError::NoRoom { instance: instance.clone(), free: 0, needed: 1 });
+    let found = super::daemon::daemon(&instance, &full, true);
+    assert!(is_there(&full) && found.cure.is_some_and(|cure| cure.contains("`shared_memory`")));
 }
 
 #[test]
@@ -268,8 +291,39 @@ fn clock_and_unit_are_looked_at() {
 fn a_wrong_config_is_named_with_its_line_and_the_rest_is_still_looked_at() {
     let made_up = MadeUp::new();
     made_up.write("/etc/pelical/pelicald.yaml", "log: {}\nsync:\n  max_skew_ms: fast\n");
-    made_up.check("config", Grade::Problem, &["pelicald.yaml:3: sync.max_skew_ms"]);
+    made_up.check("config", Grade::Problem, &["pelicald.yaml:3: sync.max_skew_ms", "correct that line"]);
     made_up.check("usb_speed", Grade::Ok, &["5000"]);
+}
+
+#[test]
+fn each_kind_of_unusable_config_has_a_cure_of_its_own() {
+    let made_up = MadeUp::new();
+    let cure = |file: &Path| {
+        let (_, finding) = super::daemon::config(&made_up.system, Some(file)).expect("the defaults are good");
+        assert_eq!(finding.grade, Grade::Problem);
+        finding.cure.expect("a problem has one")
+    };
+    assert!(cure(&made_up.at("/nowhere.yaml")).contains("--config"));
+    assert!(cure(&made_up.at("/etc")).contains("text file"));
+    fs::write(made_up.at("/etc/latin.yaml"), b"# \xe9\n{}\n").expect("written");
+    assert!(cure(&made_up.at("/etc/latin.yaml")).contains("UTF-8"));
+    made_up.write("/etc/typo.yaml", "sink: {}\n");
+    assert!(cure(&made_up.at("/etc/typo.yaml")).contains("correct that line"));
+    if !crate::capture::realsense::IS_BUILT_IN {
+        made_up.write("/etc/cameras.yaml", "cameras: {backend: realsense}\n");
+        assert!(cure(&made_up.at("/etc/cameras.yaml")).contains("docs/realsense.md"));
+    }
+}
+
+#[test]
+fn cures_name_the_user_as_the_system_knows_it() {
+    let made_up = MadeUp::new();
+    let users = "root:x:0:0::/:/bin/sh\nann:x:77001:100::/:/bin/sh\n";
+    made_up.write("/etc/passwd", users);
+    made_up.set_mode("/var/lib/pelical", 0o500);
+    made_up.check("state_directory", Grade::Problem, &["sudo chown ann /var/lib/pelical"]);
+    made_up.write("/etc/passwd", "root:x:0:0::/:/bin/sh\n");
+    made_up.check("state_directory", Grade::Problem, &["sudo chown 77001 /var/lib/pelical"]);
 }
 
 #[test]
@@ -285,9 +339,8 @@ fn cameras_of_the_config_that_the_back_end_lacks_are_named() {
 #[test]
 fn libraries_are_looked_for_where_the_config_needs_them() {
     let made_up = MadeUp::new();
-    made_up.write("/usr/lib/x86_64-linux-gnu/librealsense2.so.2.56", "");
     made_up.write("/usr/lib/x86_64-linux-gnu/librealsense2.so.2.56.5", "");
-    made_up.check("versions", Grade::Ok, &["librealsense2.so.2.56.5"]);
+    made_up.check("versions", Grade::Ok, &["librealsense2.so.2.56.5", "needs none"]);
     made_up.write(
         "/etc/pelical/pelicald.yaml",
         "matcher: {runtime: /opt/libonnxruntime.so, models: [/opt/m.onnx]}\n",
@@ -297,6 +350,35 @@ fn libraries_are_looked_for_where_the_config_needs_them() {
     made_up.check("versions", Grade::Problem, &["no file /opt/m.onnx"]);
     made_up.write("/opt/m.onnx", "");
     made_up.check("versions", Grade::Ok, &["ONNX Runtime: /opt/libonnxruntime.so"]);
+}
+
+#[test]
+fn the_newest_librealsense_that_is_there_counts_and_an_old_one_is_a_problem() {
+    use std::os::unix::fs::symlink;
+
+    let made_up = MadeUp::new();
+    let check = |grade: Grade, part: &str| {
+        let found = super::versions::librealsense(&made_up.system, true);
+        let text = format!("{found:?}");
+        assert!(found.grade == grade && text.contains(part), "{part:?}: {text}");
+    };
+    let folder = "/usr/lib/x86_64-linux-gnu";
+    fs::create_dir_all(made_up.at(folder)).expect("made");
+    symlink("gone.so", made_up.at(&format!("{folder}/librealsense2.so.2.99.0"))).expect("made");
+    symlink("librealsense2.so.2.98", made_up.at(&format!("{folder}/librealsense2.so.2.98"))).expect("made");
+    check(Grade::Problem, "not installed");
+    made_up.write(&format!("{folder}/librealsense2.so"), "");
+    check(Grade::Warning, "unknown version");
+    made_up.write(&format!("{folder}/librealsense2.so.2.9.0"), "");
+    check(Grade::Problem, "2.9.0 is too old");
+    check(Grade::Problem, "install librealsense2 2.56 or newer");
+    // Longer, older, and in a folder with a longer name.
+    made_up.write(&format!("{folder}/librealsense2.so.2.50.12345"), "");
+    made_up.write("/opt/librealsense2.so.2.56.5", "");
+    // As the image has it, not this machine.
+    symlink("/opt/librealsense2.so.2.56.5", made_up.at("/usr/lib/librealsense2.so.2.56")).expect("made");
+    check(Grade::Ok, "/opt/librealsense2.so.2.56.5");
+    assert!(crate::capture::realsense::how_to_build().contains("2.56"));
 }
 
 #[test]

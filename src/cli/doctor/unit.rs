@@ -48,23 +48,33 @@ fn judge(shown: &str) -> Finding {
     let (active, sub) = (value("ActiveState"), value("SubState"));
     let restarts: u32 = value("NRestarts").parse().unwrap_or(0);
     let log = "read why: journalctl -u pelicald -n 50";
+    // Between two tries of one that fails again and again.
+    let is_retried = sub.starts_with("auto-restart");
     match (active, value("ExecMainStatus")) {
-        ("active", _) if restarts > 0 => Finding::warning(
+        ("active" | "reloading", _) if restarts > 0 => Finding::warning(
             CHECK,
             format!("running, restarted {restarts} times since it was started: {}", value("StatusText")),
             (format!("it crashed or hung; the last result was `{}`", value("Result")), log),
         ),
-        ("active", _) if value("UnitFileState") == "disabled" => {
+        ("active" | "reloading", _) if value("UnitFileState") == "disabled" => {
             let why = ("it was started by hand", "sudo systemctl enable pelicald");
             Finding::warning(CHECK, "running, but not started at boot", why)
         }
-        ("active", _) => Finding::ok(CHECK, format!("running: {}", value("StatusText"))),
+        ("active" | "reloading", _) => Finding::ok(CHECK, format!("running: {}", value("StatusText"))),
         (_, "78") => Finding::problem(
             CHECK,
             format!("{active} ({sub}): the config is wrong"),
             (
                 "pelicald ended with exit code 78, and systemd does not try again",
                 "pelicald --config /etc/pelical/pelicald.yaml --check-config names the line; then sudo systemctl restart pelicald",
+            ),
+        ),
+        ("activating", _) if !is_retried => Finding::warning(
+            CHECK,
+            format!("starting ({sub}): {}", value("StatusText")),
+            (
+                "systemd waits until the daemon says that it is ready (service.ready_when of the config)",
+                "ask again in a moment; what it waits for: pelical status",
             ),
         ),
         ("failed" | "activating", code) => Finding::problem(
@@ -105,6 +115,15 @@ mod tests {
             Grade::Problem,
             "9 times",
         );
+        let starting =
+            "ActiveState=activating\nSubState=start\nExecMainStatus=0\nNRestarts=0\nStatusText=collecting";
+        check_judged(starting, Grade::Warning, "starting (start): collecting");
+        check_judged(
+            &starting.replace("=start\n", "=auto-restart-queued\n"),
+            Grade::Problem,
+            "auto-restart-queued",
+        );
+        check_judged(&running.replace("=active", "=reloading"), Grade::Ok, "running: watching");
         check_judged("ActiveState=inactive\nSubState=dead\nExecMainStatus=0", Grade::Warning, "not running");
     }
 }

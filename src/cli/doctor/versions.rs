@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::finding::Finding;
 use super::system::System;
+use crate::capture::realsense::MIN_SDK_VERSION;
 use crate::ipc::wire;
 use crate::learned::LearnedOptions;
 
@@ -30,21 +31,34 @@ fn locked(name: &str) -> Option<&'static str> {
     entry.split_once('"').map(|(version, _)| version)
 }
 
-fn librealsense(system: &System, is_needed: bool) -> Finding {
+/// The library of the RealSense cameras: is there one, and is it new enough?
+pub fn librealsense(system: &System, is_needed: bool) -> Finding {
     const NAME: &str = "librealsense2.so";
-    let found = libraries(system, NAME);
-    match (found.first(), is_needed) {
-        (Some(file), _) => Finding::ok(CHECK, format!("librealsense: {file}")),
-        (None, false) => Finding::ok(CHECK, "librealsense: none, and the config's back end needs none"),
-        (None, true) => Finding::problem(
-            CHECK,
-            "librealsense is not installed, and the config's back end needs it",
-            (
-                format!("no {NAME} in {}", LIBRARY_FOLDERS.join(", ")),
-                "install librealsense2 2.56 or newer (docs/installation.md), then sudo ldconfig",
-            ),
-        ),
+    let newest = libraries(system, NAME).into_iter().next();
+    let shown = newest.as_ref().map_or_else(|| "none".to_owned(), |library| library.file.clone());
+    if !is_needed {
+        return Finding::ok(CHECK, format!("librealsense: {shown}, and the config's back end needs none"));
     }
+    let cure =
+        format!("install librealsense2 {MIN_SDK_VERSION} or newer (docs/realsense.md), then sudo ldconfig");
+    let Some(newest) = newest else {
+        let cause = format!("no {NAME} in {}, or only links that lead nowhere", LIBRARY_FOLDERS.join(", "));
+        let what = "librealsense is not installed, and the config's back end needs it";
+        return Finding::problem(CHECK, what, (cause, cure));
+    };
+    if newest.version.is_empty() {
+        let cause = format!(
+            "its name does not tell; `pkg-config --modversion realsense2` must say {MIN_SDK_VERSION} or newer"
+        );
+        return Finding::warning(CHECK, format!("librealsense: {shown}, of unknown version"), (cause, cure));
+    }
+    if newest.version < version_of(MIN_SDK_VERSION) {
+        let cause = format!(
+            "the program asks for the interface of {MIN_SDK_VERSION}, which an older library refuses"
+        );
+        return Finding::problem(CHECK, format!("librealsense: {shown} is too old"), (cause, cure));
+    }
+    Finding::ok(CHECK, format!("librealsense: {shown}"))
 }
 
 fn onnx_runtime(system: &System, matcher: &LearnedOptions) -> Finding {
@@ -69,7 +83,8 @@ fn onnx_runtime(system: &System, matcher: &LearnedOptions) -> Finding {
     }
     let found = matcher.runtime.as_ref().map(|path| path.display().to_string());
     let named = std::env::var("ORT_DYLIB_PATH").ok().filter(|path| !path.is_empty());
-    match found.or(named).or_else(|| libraries(system, NAME).into_iter().next()) {
+    let installed = || libraries(system, NAME).into_iter().next().map(|library| library.file);
+    match found.or(named).or_else(installed) {
         Some(file) => Finding::ok(CHECK, format!("ONNX Runtime: {file}")),
         None => Finding::problem(
             CHECK,
@@ -82,21 +97,39 @@ fn onnx_runtime(system: &System, matcher: &LearnedOptions) -> Finding {
     }
 }
 
-/// Files whose names begin so, in the folders of libraries and one folder deeper; the longest name, which has the version, first.
-fn libraries(system: &System, name: &str) -> Vec<String> {
+/// A shared library that is there.
+struct Library {
+    /// Links followed.
+    file: String,
+    /// Of its name; empty where that does not tell.
+    version: Vec<u32>,
+}
+
+/// The numbers of "2.56.5"; none where anything else is in it.
+fn version_of(text: &str) -> Vec<u32> {
+    text.split('.').map(|part| part.parse().ok()).collect::<Option<_>>().unwrap_or_default()
+}
+
+/// Libraries of this name, in the folders of libraries and one folder deeper, the newest first; links that lead nowhere are none.
+fn libraries(system: &System, name: &str) -> Vec<Library> {
     let inner = |folder: &&str| {
         let names = system.names(folder).into_iter().filter(|inner| inner.contains("-linux-"));
         names.map(|inner| format!("{folder}/{inner}")).collect::<Vec<_>>()
     };
     let outer = LIBRARY_FOLDERS.iter().map(|folder| (*folder).to_owned());
     let folders = outer.chain(LIBRARY_FOLDERS.iter().flat_map(inner));
+    let library = |file: String| {
+        let file = system.follow(file)?.display().to_string();
+        let version = file.rsplit_once(".so.").map_or_else(Vec::new, |(_, version)| version_of(version));
+        Some(Library { file, version })
+    };
     let files = folders.flat_map(|folder| {
         let found = system.names(&folder).into_iter().filter(|file| file.starts_with(name));
-        found.map(|file| format!("{folder}/{file}")).collect::<Vec<_>>()
+        found.filter_map(|file| library(format!("{folder}/{file}"))).collect::<Vec<_>>()
     });
-    let mut files: Vec<String> = files.collect();
-    files.sort_by_key(|file| std::cmp::Reverse(file.len()));
-    files
+    let mut found: Vec<Library> = files.collect();
+    found.sort_by(|a, b| b.version.cmp(&a.version));
+    found
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::text::table;
 use super::time::{age_in_words, age_s, utc};
-use crate::ipc::{CalibrationMessage, CameraIdentity, InstanceName};
+use crate::ipc::{CalibrationMessage, CameraIdentity, InstanceName, Snapshot};
 
 /// Where a published calibration comes from.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -73,6 +73,8 @@ pub struct HistoryDocument {
     pub schema: &'static str,
     /// Name of the daemon.
     pub instance: String,
+    /// Why the newest, and perhaps others, are not on the disk and would be lost with the daemon; null where all are.
+    pub store_fault: Option<String>,
     /// Newest first.
     pub calibrations: Vec<HistoryEntry>,
 }
@@ -98,12 +100,13 @@ pub struct HistoryEntry {
 }
 
 impl HistoryDocument {
-    /// The document of messages, newest first; `published` is the number of the one that is published.
+    /// The document of messages, newest first, of a daemon that is as it says, as of now.
     pub fn new(
         instance: &InstanceName,
         messages: &[CalibrationMessage],
-        (published, now_ns): (Option<u64>, u64),
+        (daemon, now_ns): (&Snapshot, u64),
     ) -> Self {
+        let published = daemon.calibration_id;
         let entry = |message: &CalibrationMessage| {
             let rig = &message.calibration;
             let sigma = |first: usize| {
@@ -125,6 +128,7 @@ impl HistoryDocument {
         Self {
             schema: "pelical.history/1",
             instance: instance.to_string(),
+            store_fault: daemon.store_fault.clone(),
             calibrations: messages.iter().map(entry).collect(),
         }
     }
@@ -135,7 +139,7 @@ impl HistoryDocument {
             return "no calibration has been accepted yet\n".to_owned();
         }
         let header = ["id", "made", "age", "cameras", "sets", "matches", "sigma mm", "sigma deg", ""];
-        let rows = self.calibrations.iter().map(|entry| {
+        let rows = self.calibrations.iter().enumerate().map(|(idx, entry)| {
             let provenance = &entry.provenance;
             let names: Vec<&str> = provenance.cameras.iter().map(|camera| camera.name.as_str()).collect();
             let mut notes = String::new();
@@ -143,7 +147,11 @@ impl HistoryDocument {
                 let _ = write!(notes, "gone back to {from} ");
             }
             if entry.is_published {
-                notes += "published";
+                notes += "published ";
+            }
+            // They are written in their order: while there is a fault, the newest is not.
+            if idx == 0 && self.store_fault.is_some() {
+                notes += "not kept";
             }
             vec![
                 provenance.id.unwrap_or_default().to_string(),
@@ -154,9 +162,10 @@ impl HistoryDocument {
                 entry.matches.to_string(),
                 format!("{:.1}", entry.worst_sigma_mm),
                 format!("{:.3}", entry.worst_sigma_deg),
-                notes,
+                notes.trim_end().to_owned(),
             ]
         });
-        table(&header, &rows.collect::<Vec<_>>())
+        let fault = self.store_fault.iter().map(|fault| format!("\nnot kept    {fault}\n"));
+        table(&header, &rows.collect::<Vec<_>>()) + &fault.collect::<String>()
     }
 }

@@ -13,6 +13,7 @@ use crate::ipc::{
     CameraHealth, FrameClock, HealthMessage, InstanceName, Outcome, PairSkew, ProgressMessage, Snapshot,
     StageLatency,
 };
+use crate::solver::State;
 
 /// `pelical.status/1`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -30,8 +31,10 @@ pub struct StatusDocument {
     pub reason: Option<ReasonEntry>,
     /// What was moved, and how far; empty while nothing shows that anything was.
     pub moved: Vec<MovedEntry>,
-    /// Frame sets since the published result was last seen to hold; null while there is none.
+    /// Frame sets since the published result was last seen to hold; null while there is none, or it is `stored`, so that it never was.
     pub sets_since_confirmed: Option<u64>,
+    /// Frame sets in which a `stored` result was looked for since anything last spoke for it; null for any other.
+    pub sets_unconfirmed: Option<u64>,
     /// Number of the newest calibration; 0 before the first.
     pub calibration_sequence: u64,
     /// Its number in the history; null where it is not kept.
@@ -139,6 +142,8 @@ impl StatusDocument {
             skew: SkewEntry::from(pair),
         };
         let watch = snapshot.watch.as_ref();
+        let is_stored = snapshot.state == State::Stored;
+        let sets_since = watch.map(|watch| watch.sets_since_confirmed);
         let entries = watch.iter().flat_map(|watch| &watch.moved).map(|moved| MovedEntry::new(moved, &name));
         let moved: Vec<MovedEntry> = entries.collect();
         let sets = snapshot.frame_sets;
@@ -149,7 +154,8 @@ impl StatusDocument {
             state: if moved.is_empty() { snapshot.state.name() } else { moved::STATE },
             reason: moved::reason(&moved).or_else(|| snapshot.reason.as_ref().map(ReasonEntry::from)),
             moved,
-            sets_since_confirmed: watch.map(|watch| watch.sets_since_confirmed),
+            sets_since_confirmed: sets_since.filter(|_| !is_stored),
+            sets_unconfirmed: sets_since.filter(|_| is_stored),
             calibration_sequence: snapshot.calibration_sequence,
             calibration_id: snapshot.calibration_id,
             calibration_age_s: snapshot.calibration_stamp_ns.and_then(|made_ns| age_s(made_ns, now_ns())),
@@ -251,6 +257,14 @@ pub fn text(status: &StatusDocument) -> String {
     }
     if let Some(sets) = status.sets_since_confirmed {
         let _ = writeln!(text, "confirmed   {sets} compared frame sets ago");
+    }
+    match status.sets_unconfirmed {
+        Some(0) => text += "confirmed   not yet\n",
+        Some(sets) => {
+            let _ =
+                writeln!(text, "confirmed   not yet: nothing in {sets} compared frame sets speaks for it");
+        }
+        None => {}
     }
     let _ = writeln!(text, "up for      {:.0} s", status.uptime_s);
     if !status.cameras.is_empty() {

@@ -247,7 +247,7 @@ fn the_status_of_a_moved_camera_says_which_and_how_far() {
     let json = serde_json::to_value(&document).expect("serialisable");
     assert_eq!((&json["activity"], &json["state"]), (&"watching".into(), &"moved".into()));
     assert_eq!(json["reason"]["code"], "camera_moved");
-    assert_eq!(json["sets_since_confirmed"], 12);
+    assert_eq!((&json["sets_since_confirmed"], &json["sets_unconfirmed"]), (&json!(12), &Value::Null));
     let moved = &json["moved"][0];
     assert_eq!(keys(moved), ["cameras", "rotation_deg", "sigma_deg", "sigma_mm", "translation_mm"]);
     assert_eq!(moved["cameras"], json!(["left"]));
@@ -258,6 +258,24 @@ fn the_status_of_a_moved_camera_says_which_and_how_far() {
     // Before the daemon's first word about its cameras there are no names.
     let nameless = StatusDocument::new(&InstanceName::default(), &Words { health: None, ..words });
     assert_eq!(nameless.moved[0].cameras, ["camera 1"]);
+}
+
+#[test]
+fn a_result_of_an_earlier_run_is_never_said_to_have_been_confirmed() {
+    let (mut snapshot, _) = words_of_a_moved_camera();
+    snapshot.state = State::Stored;
+    let mut status_of = |sets_since_confirmed| {
+        snapshot.watch = Some(WatchReport { sets_since_confirmed, ..WatchReport::default() });
+        let words = Words { snapshot: &snapshot, health: None, progress: None };
+        let document = StatusDocument::new(&InstanceName::default(), &words);
+        (serde_json::to_value(&document).expect("serialisable"), status::text(&document))
+    };
+    let (json, text) = status_of(0);
+    assert_eq!((&json["sets_since_confirmed"], &json["sets_unconfirmed"]), (&Value::Null, &json!(0)));
+    assert!(text.contains("confirmed   not yet\n") && !text.contains("ago\nup"), "{text}");
+    let (json, text) = status_of(7);
+    assert_eq!((&json["sets_since_confirmed"], &json["sets_unconfirmed"]), (&Value::Null, &json!(7)));
+    assert!(text.contains("not yet: nothing in 7 compared frame sets"), "{text}");
 }
 
 #[test]

@@ -40,6 +40,9 @@ pub use watch::{OnMoved, WatchSection};
 
 use crate::capture::nesting;
 
+/// Where the installed service reads its config.
+pub const INSTALLED_CONFIG: &str = "/etc/pelical/pelicald.yaml";
+
 /// Reads and checks a config file; the file's sections come with the checked options, to be shown.
 ///
 /// # Errors

@@ -95,7 +95,7 @@ impl VideoModeSection {
 /// Names the first value that is not allowed, and says how to build a program that has this back end.
 pub(super) fn options(file: &RealsenseSection) -> Result<RealsenseOptions, Refusal> {
     if !cfg!(feature = "realsense") {
-        return Err(Refusal::new("cameras.backend", realsense::HOW_TO_BUILD));
+        return Err(Refusal::new("cameras.backend", realsense::how_to_build()));
     }
     let key = |name: &str| format!("cameras.realsense.{name}");
     within(&key("max_exposure_ms"), file.max_exposure_ms.unwrap_or(1.0), (0.01, 200.0))?;

@@ -36,7 +36,7 @@ fn damaged_files_are_named_and_passed_over_and_older_ones_are_used() {
     assert_eq!(ids(&loaded.history), [1, 2]);
     let damaged: Vec<_> = loaded.damaged.iter().map(|(file, what)| (id_of(file), what.as_str())).collect();
     assert_eq!(damaged.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [3, 4, 7, 8, 9].map(Some));
-    assert!(damaged[1].1.contains("not written to its end"), "{damaged:?}");
+    assert!(damaged[1].1.contains("cut or added to"), "{damaged:?}");
     assert!(damaged[2].1.contains("under the name of another"), "{damaged:?}");
     assert_eq!(loaded.history.next_id(), 10, "the number of a damaged file is taken");
 }
