@@ -72,7 +72,7 @@ impl Skews<'_> {
                 let own = name(camera);
                 format!(
                     "{own} stamps its frames by a clock of its own, which tells nothing of {other}'s: set \
-                     cameras.realsense.global_time to true, and see the log for why it does not help where it is"
+                     cameras.realsense.global_time to true; where it is, wait until the SDK knows the camera's clock"
                 )
             }
             None => {
