@@ -50,10 +50,15 @@ pub enum StampClock {
 pub struct FrameTiming {
     /// Whose clock the stamp is of.
     pub clock: StampClock,
-    /// The camera's own counter, unwrapped; `None` where it does not tell.
-    pub device_ns: Option<i64>,
     /// Arrival at this host, since the Unix epoch; `None` where the frame is not live.
     pub arrival_ns: Option<i64>,
+}
+
+impl FrameTiming {
+    /// Whether the stamp tells nothing of when other cameras took theirs. What was recorded may have been brought to one clock since.
+    pub fn is_of_own_clock(&self) -> bool {
+        self.clock == StampClock::Device && self.arrival_ns.is_some()
+    }
 }
 
 /// Colour and depth of one moment. Buffers are reused from frame to frame.

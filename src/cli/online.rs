@@ -97,6 +97,8 @@ pub struct Verdict {
     newest: Option<CalibrationMessage>,
     progress: Option<ProgressMessage>,
     timing_ms: TimingMs,
+    /// Why the daemon has no result, in its newest words.
+    reason: Option<String>,
     is_interrupted: bool,
 }
 
@@ -108,8 +110,13 @@ pub fn await_verdict(client: &mut Client, wanted: &Wanted) -> Result<Verdict, Cl
     let interrupt = Interrupt::register()?;
     let start = Instant::now();
     let bar = progress::spinner("waiting for frames");
-    let mut verdict =
-        Verdict { newest: None, progress: None, timing_ms: TimingMs::default(), is_interrupted: false };
+    let mut verdict = Verdict {
+        newest: None,
+        progress: None,
+        timing_ms: TimingMs::default(),
+        reason: None,
+        is_interrupted: false,
+    };
     while !verdict.is_converged() && start.elapsed() < wanted.within && !interrupt.is_set() {
         if let Some(progress) = newest_progress(client)? {
             bar.set_message(output::status::progress_line(&progress));
@@ -118,19 +125,19 @@ pub fn await_verdict(client: &mut Client, wanted: &Wanted) -> Result<Verdict, Cl
         let is_new = |message: &CalibrationMessage| message.sequence > wanted.after_sequence;
         match client.wait_calibration(GLANCE)?.filter(is_new) {
             Some(message) => verdict.newest = Some(message),
-            None if is_given_up(client)? => break,
-            None => {}
+            None => {
+                let snapshot = client.status(ANSWER_WITHIN)?.snapshot;
+                verdict.reason = snapshot.reason.map(|reason| reason.sentence);
+                if snapshot.activity == Activity::Idle {
+                    break;
+                }
+            }
         }
     }
     bar.finish_and_clear();
     verdict.is_interrupted = interrupt.is_set();
     verdict.timing_ms.total = Some(start.elapsed().as_secs_f64() * 1e3);
     Ok(verdict)
-}
-
-/// Whether the daemon has stopped collecting without a result.
-fn is_given_up(client: &mut Client) -> Result<bool, CliError> {
-    Ok(client.status(ANSWER_WITHIN)?.snapshot.activity == Activity::Idle)
 }
 
 fn newest_progress(client: &mut Client) -> Result<Option<ProgressMessage>, CliError> {
@@ -201,13 +208,13 @@ impl Verdict {
 
     /// A document all the same: who asked for JSON gets JSON.
     fn print_nothing(&self, output: Output) -> Result<Exit, CliError> {
-        let sentence = if self.is_interrupted {
-            "interrupted before there was a result"
-        } else {
-            "no result in this time: let the cameras see more edges, or wait longer"
+        let sentence = match &self.reason {
+            _ if self.is_interrupted => "interrupted before there was a result".to_owned(),
+            Some(reason) => format!("no result in this time: {reason}"),
+            None => "no result in this time: let the cameras see more edges, or wait longer".to_owned(),
         };
         if output.json {
-            output::print_json(&AnswerDocument::without_result(sentence))?;
+            output::print_json(&AnswerDocument::without_result(&sentence))?;
         }
         say(format_args!("pelical: {sentence}"));
         Ok(Exit::NoResult)

@@ -147,6 +147,20 @@ impl<'a> Recorder<'a> {
         let start = Instant::now();
         loop {
             match source.next_frame(frame, POLL) {
+                // Stamps of two such clocks may be close by chance, however far apart the images are.
+                Ok(()) if self.rig.len() > 1 && frame.timing.is_of_own_clock() => {
+                    if interrupt.is_set() {
+                        return Ok(Turn::End);
+                    }
+                    if start.elapsed() >= PATIENCE {
+                        let name = self.rig.get(index).map_or("?", |info| info.name.as_str());
+                        let what = format!(
+                            "camera {name} stamps its frames by a clock of its own, which tells nothing of the others': set \
+                             cameras.realsense.global_time to true"
+                        );
+                        return Err(CliError::Failed(what));
+                    }
+                }
                 Ok(()) => return Ok(Turn::Frame),
                 Err(CaptureError::EndOfStream) => return Ok(Turn::End),
                 Err(CaptureError::Timeout(_)) if interrupt.is_set() => return Ok(Turn::End),

@@ -20,6 +20,8 @@ pub const FRAME_TIMEOUT: Duration = Duration::from_millis(100);
 const BACKOFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
 /// So many errors in a row without a frame are a failed camera: it is closed and opened again.
 const MAX_ERRORS_IN_A_ROW: u32 = 10;
+/// Between two warnings of bad frames of one camera.
+const QUIET: Duration = Duration::from_secs(10);
 const WRONG_SIZE: &str = "its frames do not have the size it promised";
 
 /// The capture thread of one camera.
@@ -29,6 +31,7 @@ pub(super) struct CaptureLoop {
     pub(super) camera: usize,
     pub(super) reopen_after: Duration,
     pub(super) recovery: RecoveryOptions,
+    pub(super) bad_frames: BadFrames,
 }
 
 /// Why a stream of frames ended.
@@ -156,10 +159,10 @@ impl CaptureLoop {
                     self.shared.cameras[self.camera].health.bad.add_one();
                     errors_in_a_row += 1;
                     let what = bad.map_or_else(|error| error.to_string(), |()| WRONG_SIZE.to_owned());
+                    self.bad_frames.tell(&self.slot.name, &what);
                     if errors_in_a_row >= MAX_ERRORS_IN_A_ROW {
                         return stream.end(slot, CameraState::Failed, &what);
                     }
-                    tracing::debug!(camera = self.slot.name, "bad frame: {what}");
                 }
             }
             spare = Some(slot);
@@ -190,6 +193,27 @@ impl CaptureLoop {
                 return;
             }
             thread::park_timeout(left);
+        }
+    }
+}
+
+/// Tells of bad frames of a camera: at once, then now and then with their number.
+#[derive(Debug, Default)]
+pub(super) struct BadFrames {
+    told: Option<Instant>,
+    count: u64,
+}
+
+impl BadFrames {
+    fn tell(&mut self, camera: &str, what: &str) {
+        self.count += 1;
+        if self.told.is_none_or(|told| told.elapsed() >= QUIET) {
+            self.told = Some(Instant::now());
+            tracing::warn!(
+                camera,
+                count = std::mem::take(&mut self.count),
+                "bad frame, which is left out: {what}"
+            );
         }
     }
 }

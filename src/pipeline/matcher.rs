@@ -55,8 +55,6 @@ pub struct MatchCounters {
     pub out_of_order: u64,
     /// Clocks that were set back.
     pub clock_resets: u64,
-    /// Distance between the last refused frame and the nearest one of another camera, ns; 0 before the first refusal.
-    pub nearest_refused_ns: u64,
 }
 
 /// A frame without a partner near enough.
@@ -81,6 +79,10 @@ pub struct Matcher<T> {
     newest_seen: Vec<Option<StampNs>>,
     /// Cameras that lost a frame to the skew limit since the last set or refusal.
     lonely: u32,
+    /// Cameras that were alive when [`Matcher::next_set`] was called last.
+    expected: u32,
+    /// Cameras whose newest frame was passed over.
+    strangers: u32,
     /// Frames without a partner in a row, per camera.
     lost_in_a_row: Vec<u32>,
     /// Frames that found no partner since [`Matcher::drain_beyond`] was called last; what has no room is not told.
@@ -99,6 +101,8 @@ impl<T> Matcher<T> {
             last_taken: vec![None; n_cameras],
             newest_seen: vec![None; n_cameras],
             lonely: 0,
+            expected: 0,
+            strangers: 0,
             lost_in_a_row: vec![0; n_cameras],
             beyond: Vec::with_capacity(MAX_BEYOND),
             counters: MatchCounters::default(),
@@ -115,8 +119,21 @@ impl<T> Matcher<T> {
         self.beyond.drain(..)
     }
 
+    /// Cameras whose newest frame was passed over, as bits.
+    pub fn strangers(&self) -> u32 {
+        self.strangers
+    }
+
+    /// Counts a frame that the caller keeps, because its stamp is of a clock that tells nothing of the other cameras'.
+    pub fn pass_over(&mut self, camera: usize) {
+        self.counters.unmatched_frames += 1;
+        self.strangers |= 1 << camera;
+        self.note_lonely(camera);
+    }
+
     /// Takes a frame; those that will not be used go to `recycle`.
     pub fn push(&mut self, camera: usize, frame: Stamped<T>, recycle: &mut impl FnMut(usize, T)) {
+        self.strangers &= !(1 << camera);
         self.notice_clock_reset(camera, frame.stamp, recycle);
         let queue = &mut self.queues[camera];
         let at = queue.iter().rposition(|other| other.stamp <= frame.stamp).map_or(0, |before| before + 1);
@@ -129,6 +146,7 @@ impl<T> Matcher<T> {
         self.newest_seen[camera] = self.newest_seen[camera].max(Some(frame.stamp));
         queue.insert(at, frame);
         if queue.len() > self.options.capacity {
+            self.note_lonely(camera);
             self.discard(camera, recycle);
         }
     }
@@ -140,9 +158,10 @@ impl<T> Matcher<T> {
         expected: &[bool],
         recycle: &mut impl FnMut(usize, T),
     ) -> Option<Matched<T>> {
+        self.expected = mask(expected);
         loop {
             let oldest = self.oldest_head()?;
-            if self.worth_waiting(oldest, now, expected) {
+            if self.worth_waiting(oldest, now) {
                 return None;
             }
             let limit = self.head(oldest)?.0.saturating_add_unsigned(self.options.max_skew_ns);
@@ -150,7 +169,7 @@ impl<T> Matcher<T> {
             if members >= self.queues.len().min(2) {
                 return Some(self.take(StampNs(limit), recycle));
             }
-            self.refuse(oldest, expected);
+            self.refuse(oldest);
             self.discard(oldest, recycle);
         }
     }
@@ -171,9 +190,10 @@ impl<T> Matcher<T> {
     }
 
     /// Whether a living camera may still deliver a frame for the set of the oldest head.
-    fn worth_waiting(&self, oldest: usize, now: Duration, expected: &[bool]) -> bool {
-        let missing =
-            self.queues.iter().zip(expected).any(|(queue, &is_expected)| is_expected && queue.is_empty());
+    fn worth_waiting(&self, oldest: usize, now: Duration) -> bool {
+        let awaited = self.expected & !self.strangers;
+        let missing = (0..self.queues.len())
+            .any(|camera| awaited & (1 << camera) != 0 && self.queues[camera].is_empty());
         let waited =
             self.queues[oldest].front().map_or(Duration::ZERO, |head| now.saturating_sub(head.arrival));
         missing && waited < self.options.wait
@@ -212,38 +232,47 @@ impl<T> Matcher<T> {
         Some(frame)
     }
 
-    /// Notes that the head of `camera` has no partner near enough; a whole round of these is one refused set.
-    fn refuse(&mut self, camera: usize, expected: &[bool]) {
+    /// Notes that the head of `camera` has no partner near enough.
+    fn refuse(&mut self, camera: usize) {
         let Some(stamp) = self.head(camera) else { return };
-        let others = (0..self.queues.len()).filter(|&other| other != camera);
-        let Some(nearest) = others.filter_map(|other| self.head(other)).min() else { return };
-        let gap_ns = nearest.0.abs_diff(stamp.0);
-        self.note_beyond(camera, stamp);
-        let is_first_of_round = self.lonely == 0;
-        self.counters.nearest_refused_ns =
-            if is_first_of_round { gap_ns } else { gap_ns.min(self.counters.nearest_refused_ns) };
-        self.lonely |= 1 << camera;
-        let expected_mask = mask(expected);
-        if self.lonely & expected_mask == expected_mask {
-            self.counters.refused_sets += 1;
-            self.lonely = 0;
+        let nearest = self.nearest(camera, stamp);
+        if let Some(beyond) = nearest {
+            self.note_beyond(beyond);
         }
+        // Where no other camera gave a frame meanwhile, it is the others that are missing, not the partner.
+        if nearest.is_some() || self.strangers != 0 {
+            self.note_lonely(camera);
+        }
+    }
+
+    /// The frame of another camera that is nearest: one that waits, or one that has left since the last of this camera did. At low
+    /// rates none waits any more when this one is given up.
+    fn nearest(&self, camera: usize, stamp: StampNs) -> Option<BeyondLimit> {
+        let others = (0..self.queues.len()).filter(|&other| other != camera);
+        let near = others.flat_map(|other| {
+            let left = self.last_taken[other].filter(|left| Some(*left) > self.last_taken[camera]);
+            let around = [self.head(other), left];
+            around.into_iter().flatten().map(move |near| (near.0.abs_diff(stamp.0), other))
+        });
+        near.min().map(|(gap_ns, other)| BeyondLimit { cameras: (camera, other), gap_ns })
     }
 
     /// Tells a frame without a partner, unless it is the first in a row: another camera's lost frame leaves one, and a faster camera
     /// has them between its matched ones.
-    fn note_beyond(&mut self, camera: usize, stamp: StampNs) {
-        self.lost_in_a_row[camera] += 1;
-        if self.lost_in_a_row[camera] < 2 || self.beyond.len() >= MAX_BEYOND {
-            return;
+    fn note_beyond(&mut self, beyond: BeyondLimit) {
+        let in_a_row = &mut self.lost_in_a_row[beyond.cameras.0];
+        *in_a_row += 1;
+        if *in_a_row >= 2 && self.beyond.len() < MAX_BEYOND {
+            self.beyond.push(beyond);
         }
-        let others = (0..self.queues.len()).filter(|&other| other != camera);
-        let near = others.flat_map(|other| {
-            let around = [self.head(other), self.last_taken[other]];
-            around.into_iter().flatten().map(move |near| (near.0.abs_diff(stamp.0), other))
-        });
-        if let Some((gap_ns, other)) = near.min() {
-            self.beyond.push(BeyondLimit { cameras: (camera, other), gap_ns });
+    }
+
+    /// Notes that a camera lost a frame for want of a partner; when all have, one set was refused.
+    fn note_lonely(&mut self, camera: usize) {
+        self.lonely |= 1 << camera;
+        if self.expected.count_ones() >= 2 && self.lonely & self.expected == self.expected {
+            self.counters.refused_sets += 1;
+            self.lonely = 0;
         }
     }
 

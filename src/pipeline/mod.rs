@@ -17,6 +17,7 @@
 //! that drops and counts what its reader is too slow for). A solution takes seconds: sets that come meanwhile are skipped and counted.
 //! Once there is a result, `estimate` asks for a set when it has time for one.
 
+pub mod apart;
 pub mod associate;
 mod buffers;
 mod capture_loop;
@@ -66,7 +67,7 @@ pub use recovery::RecoveryOptions;
 pub use skew::PairSkew;
 pub use stats::{Counts, LatencySummaries, LatencySummary};
 
-use capture_loop::CaptureLoop;
+use capture_loop::{BadFrames, CaptureLoop};
 use shared::Shared;
 use stage::Stage;
 
@@ -209,7 +210,14 @@ impl Pipeline {
             let recovery = options.recovery;
             // The system takes no thread name with a zero in it.
             let name = format!("cap-{}", slot.name.replace('\0', ""));
-            let capture = CaptureLoop { shared, slot, camera, reopen_after, recovery };
+            let capture = CaptureLoop {
+                shared,
+                slot,
+                camera,
+                reopen_after,
+                recovery,
+                bad_frames: BadFrames::default(),
+            };
             let handle = stage::spawn_body(name.clone(), &pipeline.shared, Box::new(|| capture.run()))?;
             pipeline.threads.push((name, handle));
         }

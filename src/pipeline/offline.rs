@@ -7,6 +7,7 @@ use crate::capture::{CaptureError, RgbdFrame};
 use crate::geometry::{Camera, CameraView};
 use crate::solver::{Reason, ReasonCode, RigCalibration, RigCamera, RigEstimator, State};
 
+use super::apart::Skews;
 use super::associate::{self, MatchSource, SeenLines};
 use super::buffers::FoundLines;
 use super::finder::{FindTimes, LineFinder, SegmentLineFinder};
@@ -219,6 +220,7 @@ impl CameraRun {
 
 struct Run {
     options: PipelineOptions,
+    names: Vec<String>,
     cameras: Vec<CameraRun>,
     n_threads: usize,
     source: Box<dyn MatchSource>,
@@ -242,6 +244,7 @@ impl Run {
         };
         Self {
             options: options.clone(),
+            names: cameras.iter().map(|camera| camera.name.clone()).collect(),
             cameras: cameras.iter().map(of_camera).collect(),
             n_threads: options.line_threads(cameras.len()),
             source: associate::source(&options.associate),
@@ -255,25 +258,19 @@ impl Run {
         }
     }
 
-    /// Where every set was refused, the estimator has seen nothing and cannot know why.
+    /// Where sets were refused, the estimator has not seen them and cannot know why.
     fn solve(&self) -> RigCalibration {
-        let calibration = self.estimator.solve();
+        let mut calibration = self.estimator.solve();
+        let (pairs, max_skew) = (&self.skews.pairs(), self.options.sync.max_skew);
+        Skews { pairs, names: &self.names, max_skew }.explain(&mut calibration);
         let SetCounts { seen, used, refused } = self.counts;
-        if used > 0 || refused.total() == 0 || self.cameras.len() < 2 {
+        if used > 0 || refused.gyro + refused.image == 0 || self.cameras.len() < 2 {
             return calibration;
         }
-        let sentence = if refused.gyro + refused.image > 0 {
-            let deg_per_s = self.options.motion.max_turn_rad_per_s.to_degrees();
-            format!(
-                "all {seen} frame sets were refused, most of them while the rig turned faster than {deg_per_s:.1} deg/s: turn it slowly"
-            )
-        } else {
-            let skew_ms = ms(self.options.sync.max_skew);
-            format!(
-                "all {seen} frame sets were refused: the stamps in each are more than {skew_ms} ms apart: check the cameras' \
-                 clocks and which frames stand together"
-            )
-        };
+        let deg_per_s = self.options.motion.max_turn_rad_per_s.to_degrees();
+        let sentence = format!(
+            "all {seen} frame sets were refused, most of them while the rig turned faster than {deg_per_s:.1} deg/s: turn it slowly"
+        );
         let reason = Some(Reason { code: ReasonCode::NotEnoughEvidence, sentence });
         RigCalibration { reason, ..calibration }
     }

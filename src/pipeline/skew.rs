@@ -19,14 +19,20 @@ pub struct PairSkew {
     pub within: LatencySummary,
     /// How often the nearest frames were further apart than the limit.
     pub beyond: u64,
+    /// Of these, since frames of both stood in one set.
+    pub in_a_row: u64,
     /// How far apart they were the last time, ms; 0 before the first.
     pub last_beyond_ms: f64,
+    /// A camera of the two whose stamps are of a clock of its own: no set can have both.
+    pub own_clock: Option<usize>,
 }
 
 /// The skews of all pairs of a rig.
 #[derive(Debug)]
 pub struct SkewBook {
     n_cameras: usize,
+    /// Cameras whose stamps are of a clock of their own, as bits.
+    own_clocks: Counter,
     /// Each pair once, the first camera's pairs first.
     pairs: Vec<PairBook>,
 }
@@ -35,6 +41,7 @@ pub struct SkewBook {
 struct PairBook {
     within: Histogram,
     beyond: Counter,
+    in_a_row: Counter,
     last_beyond_ns: Counter,
 }
 
@@ -42,7 +49,13 @@ impl SkewBook {
     /// An empty book; allocates all it will ever need.
     pub fn new(n_cameras: usize) -> Self {
         let n_pairs = n_cameras * n_cameras.saturating_sub(1) / 2;
-        Self { n_cameras, pairs: (0..n_pairs).map(|_| PairBook::default()).collect() }
+        let pairs = (0..n_pairs).map(|_| PairBook::default()).collect();
+        Self { n_cameras, own_clocks: Counter::default(), pairs }
+    }
+
+    /// Takes note of the cameras, as bits, whose stamps are of a clock of their own.
+    pub fn note_own_clocks(&self, cameras: u32) {
+        self.own_clocks.set(u64::from(cameras));
     }
 
     /// Takes note of frames of one moment, in the order of their cameras.
@@ -55,6 +68,7 @@ impl SkewBook {
                     self.note_beyond((first, second), gap);
                 } else if let Some(book) = self.book(first, second) {
                     book.within.record(gap);
+                    book.in_a_row.set(0);
                 }
             }
         }
@@ -64,6 +78,7 @@ impl SkewBook {
     pub fn note_beyond(&self, (a, b): (usize, usize), gap: Duration) {
         if let Some(book) = self.book(a.min(b), a.max(b)) {
             book.beyond.add_one();
+            book.in_a_row.add_one();
             book.last_beyond_ns.set(u64::try_from(gap.as_nanos()).unwrap_or(u64::MAX));
         }
     }
@@ -72,7 +87,13 @@ impl SkewBook {
     pub fn pairs(&self) -> Vec<PairSkew> {
         let indices = (0..self.n_cameras)
             .flat_map(|first| (first + 1..self.n_cameras).map(move |second| (first, second)));
-        indices.zip(&self.pairs).map(|((first, second), book)| book.summary(first, second)).collect()
+        let own_clocks = self.own_clocks.get();
+        let has_own = |camera: &usize| own_clocks & (1 << camera) != 0;
+        let summary = |((first, second), book): ((usize, usize), &PairBook)| PairSkew {
+            own_clock: [first, second].into_iter().find(has_own),
+            ..book.summary(first, second)
+        };
+        indices.zip(&self.pairs).map(summary).collect()
     }
 
     fn book(&self, first: usize, second: usize) -> Option<&PairBook> {
@@ -88,6 +109,8 @@ impl PairBook {
             second,
             within: self.within.summary(),
             beyond: self.beyond.get(),
+            in_a_row: self.in_a_row.get(),
+            own_clock: None,
             last_beyond_ms: self.last_beyond_ns.get() as f64 * 1e-6,
         }
     }
@@ -125,7 +148,9 @@ mod tests {
         book.note_beyond((1, 0), Duration::from_millis(15));
         let pair = book.pairs()[0];
         assert_eq!((pair.within.count, pair.within.max_ms), (1, 8.0));
-        assert_eq!((pair.beyond, pair.last_beyond_ms), (2, 15.0));
+        assert_eq!((pair.beyond, pair.in_a_row, pair.last_beyond_ms), (2, 2, 15.0));
+        note(&book, &[Some(80), Some(81)]);
+        assert_eq!((book.pairs()[0].beyond, book.pairs()[0].in_a_row), (2, 0));
     }
 
     #[test]

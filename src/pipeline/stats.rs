@@ -143,7 +143,6 @@ pub struct Counters {
     pub(super) clock_resets: Counter,
     pub(super) sets_formed: Counter,
     pub(super) refused_skew: Counter,
-    pub(super) nearest_refused_ns: Counter,
     pub(super) dropped_sets: Counter,
     pub(super) sets_done: Counter,
     pub(super) refused_gyro: Counter,
@@ -176,8 +175,6 @@ pub struct Counts {
     pub sets_formed: u64,
     /// Moments whose frames were further apart than the skew limit.
     pub refused_skew: u64,
-    /// How far the nearest frames of the last refused moment were apart, ns.
-    pub nearest_refused_ns: u64,
     /// Frame sets that the line stage was too slow for.
     pub dropped_sets: u64,
     /// Frame sets that went through the line stage.
@@ -211,7 +208,6 @@ impl Counters {
             clock_resets: self.clock_resets.get(),
             sets_formed: self.sets_formed.get(),
             refused_skew: self.refused_skew.get(),
-            nearest_refused_ns: self.nearest_refused_ns.get(),
             dropped_sets: self.dropped_sets.get(),
             sets_done: self.sets_done.get(),
             refused_gyro: self.refused_gyro.get(),

@@ -39,16 +39,22 @@ impl SyncStage {
         Self { shared, matcher, max_skew, stalled_after, pending: None, next_id: 0 }
     }
 
-    /// Fetches what the capture threads have; whether there was anything.
+    /// Fetches what the capture threads have; whether there was anything. A stamp of a camera's own clock may be near one of another
+    /// camera by chance, however far apart the images are.
     fn fetch(&mut self) -> bool {
         let mut fetched = false;
         let queues = &self.shared.queues;
         for (camera, queue) in queues.frames.iter().enumerate() {
             while let Some(slot) = queue.pop() {
+                fetched = true;
+                if queues.frames.len() > 1 && slot.frame.timing.is_of_own_clock() {
+                    self.matcher.pass_over(camera);
+                    queues.recycle_frame(slot);
+                    continue;
+                }
                 let arrival = slot.arrival.duration_since(self.shared.started);
                 let frame = Stamped { stamp: slot.frame.stamp, arrival, item: slot };
                 self.matcher.push(camera, frame, &mut |_, slot| queues.recycle_frame(slot));
-                fetched = true;
             }
         }
         fetched
@@ -90,6 +96,10 @@ impl SyncStage {
             }
             self.dispatch();
         }
+        let strangers = living.iter().enumerate().filter(|(_, alive)| **alive);
+        let strangers =
+            strangers.fold(0, |mask, (camera, _)| mask | self.matcher.strangers() & (1 << camera));
+        self.shared.skews.note_own_clocks(strangers);
         self.publish_counters();
     }
 
@@ -99,7 +109,6 @@ impl SyncStage {
         to.refused_skew.set(from.refused_sets);
         to.out_of_order.set(from.out_of_order);
         to.clock_resets.set(from.clock_resets);
-        to.nearest_refused_ns.set(from.nearest_refused_ns);
     }
 
     /// Sends the pending set to the line stage if it has room; whether it did.

@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 
+use super::Attachments;
+use super::apart::ApartTeller;
 use super::config::{Config, OnMoved};
 use super::error::ServiceError;
 use super::logging::LogHandle;
-use super::manager::ServiceManager;
 use super::reload::Reloader;
 use super::rig::{Rig, identities, with_firmware};
 use super::state::{self, Life};
@@ -49,6 +50,7 @@ struct Daemon {
     config_hash: String,
     progress: ProgressTeller,
     health: HealthTeller,
+    apart: ApartTeller,
     on_moved: OnMoved,
     /// A new calibration began without being asked for: until it converges, the old result stays published.
     keeps_result: bool,
@@ -57,15 +59,6 @@ struct Daemon {
     supervisor: Supervisor,
     hangs: HangWatch,
     reloader: Option<(Reloader, LogHandle)>,
-}
-
-/// What a daemon is tied to besides its config; nothing, where it runs within another program.
-#[derive(Debug, Default)]
-pub(super) struct Attachments {
-    /// Who started it.
-    pub(super) manager: ServiceManager,
-    /// The config file, to be read again when asked to, and the log whose level it says.
-    pub(super) reloader: Option<(Reloader, LogHandle)>,
 }
 
 /// Both sides that are listened to.
@@ -199,6 +192,7 @@ impl Daemon {
             config_hash: config.hash.clone(),
             progress: ProgressTeller::default(),
             health: HealthTeller::new(Instant::now()),
+            apart: ApartTeller::new(config.pipeline.sync.max_skew),
             on_moved: config.on_moved,
             keeps_result: false,
             unpublished: (0, None),
@@ -259,6 +253,7 @@ impl Daemon {
 
     fn be_looked_at(&mut self, pipeline: &Pipeline) {
         let snapshot = pipeline.snapshot();
+        self.life.on_apart(self.apart.look(&snapshot));
         let daemon = self.snapshot(&snapshot);
         let standing = Standing { daemon: &daemon, cameras: &snapshot.cameras };
         self.supervisor.look(pipeline.vitals(), &standing);
@@ -349,7 +344,8 @@ impl Daemon {
         }
     }
 
-    fn take(&mut self, solved: Solved, live: &Live<'_>) {
+    fn take(&mut self, mut solved: Solved, live: &Live<'_>) {
+        self.apart.explain(&mut solved.calibration, &live.pipeline.snapshot());
         self.life.on_solved(&solved);
         self.progress.note(&solved.calibration);
         self.keeps_result &= self.life.state() != State::Converged;

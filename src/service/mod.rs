@@ -1,5 +1,6 @@
 //! The daemon's life: configuration, log, state, and the run from start to a clean stop.
 
+mod apart;
 pub mod config;
 mod daemon;
 mod error;
@@ -23,9 +24,18 @@ pub use stop::Stop;
 
 use crate::ipc::InstanceName;
 use config::{Config, LogLevel};
-use daemon::Attachments;
+use logging::LogHandle;
 use manager::ServiceManager;
 use reload::Reloader;
+
+/// What a daemon is tied to besides its config; nothing, where it runs within another program.
+#[derive(Debug, Default)]
+struct Attachments {
+    /// Who started it.
+    manager: ServiceManager,
+    /// The config file, to be read again when asked to, and the log whose level it says.
+    reloader: Option<(Reloader, LogHandle)>,
+}
 
 /// Runs the daemon of a config file until a signal asks it to stop.
 ///

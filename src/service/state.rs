@@ -12,6 +12,8 @@ const MIN_CAMERAS: usize = 2;
 pub struct Life {
     state: State,
     reason: Option<Reason>,
+    /// Why frames of some cameras never meet; none while they do.
+    apart: Option<Reason>,
     /// How the published result stands; none without a converged one.
     watch: Option<WatchReport>,
     has_started: bool,
@@ -21,7 +23,14 @@ pub struct Life {
 impl Life {
     /// Before the first frame.
     pub fn new() -> Self {
-        Self { state: State::Collecting, reason: None, watch: None, has_started: false, is_stopping: false }
+        Self {
+            state: State::Collecting,
+            reason: None,
+            apart: None,
+            watch: None,
+            has_started: false,
+            is_stopping: false,
+        }
     }
 
     /// The verdict of the newest solution, or `Collecting` before the first one.
@@ -29,9 +38,16 @@ impl Life {
         self.state
     }
 
-    /// Why it is not converged.
+    /// Why it is not converged. The estimator cannot know of frames that it was not given.
     pub fn reason(&self) -> Option<&Reason> {
-        self.reason.as_ref()
+        let apart = self.apart.as_ref().filter(|_| self.state != State::Converged);
+        apart.or(self.reason.as_ref())
+    }
+
+    /// Why frames of some cameras meet no others, or that they do now.
+    pub fn on_apart(&mut self, reason: Option<Reason>) {
+        self.has_started |= reason.is_some();
+        self.apart = reason;
     }
 
     /// How the published result stands; `None` without a converged one.
@@ -218,6 +234,22 @@ mod tests {
         check_refused(ask(&mut life, &one, Answer::Accepted), RefusalCode::NoCameras);
         life.on_stop();
         check_refused(ask(&mut life, &TWO, Answer::Accepted), RefusalCode::Stopping);
+    }
+
+    #[test]
+    fn frames_that_never_meet_are_why_there_is_no_result_but_speak_not_against_one() {
+        let mut life = Life::new();
+        let apart =
+            Reason { code: crate::solver::ReasonCode::NotEnoughEvidence, sentence: "apart".to_owned() };
+        life.on_apart(Some(apart.clone()));
+        assert_eq!((life.activity(Phase::Collecting), life.reason()), (Activity::Collecting, Some(&apart)));
+        life.on_stored();
+        assert_eq!(life.reason(), Some(&apart), "it cannot be verified");
+        life.on_watched(WatchReport { is_verified: true, ..WatchReport::default() });
+        assert!(life.on_verified() && life.reason().is_none());
+        life.on_restart();
+        life.on_apart(None);
+        assert_eq!(life.reason(), None);
     }
 
     fn moved(camera: usize) -> WatchReport {

@@ -158,8 +158,12 @@ fn status(standing: &Standing<'_>, waits_for: Option<ReadyWhen>) -> String {
     if !silent.is_empty() {
         line += &format!(" ({})", silent.join(", "));
     }
-    if let (Activity::Collecting, Some(reason)) = (daemon.activity, &daemon.reason) {
-        line += &format!("; no result yet: {}", reason.sentence);
+    if let Some(reason) = &daemon.reason {
+        line += &match daemon.activity {
+            Activity::Collecting => format!("; no result yet: {}", reason.sentence),
+            Activity::Watching => format!("; cannot be verified: {}", reason.sentence),
+            _ => String::new(),
+        };
     }
     match waits_for {
         Some(ReadyWhen::Cameras) => line + "; ready when every camera delivers frames",
@@ -232,6 +236,9 @@ mod tests {
             status(&standing, Some(ReadyWhen::Cameras)).ends_with("ready when every camera delivers frames")
         );
         let daemon = Snapshot { activity: Activity::Watching, calibration_sequence: 3, ..daemon };
+        let standing = Standing { daemon: &daemon, cameras: &[] };
+        assert!(status(&standing, None).ends_with("; cannot be verified: 3 lines so far"));
+        let daemon = Snapshot { reason: None, ..daemon };
         let standing = Standing { daemon: &daemon, cameras: &[] };
         assert_eq!(status(&standing, None), "calibrated (result 3); 1 of 2 cameras deliver frames");
     }

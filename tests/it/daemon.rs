@@ -193,11 +193,16 @@ fn a_camera_that_gives_bad_frames_is_reported_and_the_daemon_goes_on() {
     let env = TestEnv::new();
     let fixture = Fixture::new(1);
     std::fs::write(fixture.depth_file(1, 0), "no image").unwrap();
-    let _daemon = env.start_daemon(&env.config(&replay(fixture.path(), true)));
+    let daemon = env.start_daemon(&env.config(&replay(fixture.path(), true)));
     env.wait_for_status("a failed camera", |status| {
         let bad = [0, 1].map(|camera| status["cameras"][camera]["bad"].as_u64());
         camera_states(status) == ["streaming", "failed"] && bad[0] == Some(0) && bad[1] > Some(0)
     });
+    let talk = daemon.talk();
+    let warnings: Vec<&str> = talk.lines().filter(|line| line.contains("bad frame")).collect();
+    assert!(warnings.len() < 4, "seldom: {talk}");
+    let file = fixture.depth_file(1, 0).display().to_string();
+    assert!(warnings.first().is_some_and(|line| line.contains("WARN") && line.contains(&file)), "{talk}");
 }
 
 #[test]

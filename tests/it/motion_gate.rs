@@ -110,6 +110,62 @@ fn frames_beyond_the_limit_form_no_set_and_are_counted() {
     daemon.wait().expect_code(0);
 }
 
+/// What is said of the fixture's cameras where the limit is 0.1 ms.
+const APART: &str = "frames of left and right are 0.15 ms apart, the limit is 0.1 ms: check the cameras' clocks and frame rates, \
+                     or raise sync.max_skew_ms";
+
+#[test]
+fn cameras_that_never_meet_are_told_as_the_reason_of_a_recording() {
+    let (env, fixture) = (TestEnv::new(), Fixture::new(5));
+    env.config("sync: {max_skew_ms: 0.1}\n");
+    let folder = fixture.path().to_str().unwrap();
+    for arguments in [&["calibrate", folder][..], &["replay", folder], &["replay", folder, "--fast"]] {
+        let arguments = [arguments, &["--config", "pelicald.yaml"]].concat();
+        let document = env.pelical(&[&arguments[..], &["--json"]].concat()).expect_code(4).json();
+        assert_eq!(document["reason"]["sentence"], APART, "{arguments:?}");
+        let missing = document["missing"][0]["reason"]["sentence"].as_str().unwrap();
+        assert!(missing.ends_with(APART), "{arguments:?}: {missing}");
+        let text = env.pelical(&arguments).expect_code(4).stdout;
+        assert_eq!(text.matches(APART).count(), 1, "once: {text}");
+        assert!(!text.contains("lens cover"), "{text}");
+    }
+}
+
+#[test]
+fn a_daemon_whose_cameras_never_meet_says_so_wherever_it_is_asked() {
+    let (env, fixture) = (TestEnv::new(), Fixture::new(5));
+    let daemon = env.start_daemon(&env.config(&replay(fixture.path(), "max_skew_ms: 0.1")));
+    let status = env.wait_for_status("a reason", |status| !status["reason"].is_null());
+    assert_eq!((&status["activity"], &status["reason"]["sentence"]), (&"collecting".into(), &APART.into()));
+    let text = env.pelical(&["status"]).expect_code(0).stdout;
+    assert!(text.contains(&format!("reason      {APART}")), "{text}");
+    env.pelical(&["cancel"]).expect_code(0);
+    env.pelical(&["recalibrate", "--wait", "--timeout", "2"]).expect_code(4).expect_talk(&[APART]);
+    let told = daemon.talk().lines().filter(|line| line.contains(APART)).count();
+    assert_eq!(told, 1, "{}", daemon.talk());
+    daemon.signal("TERM");
+    daemon.wait().expect_code(0);
+}
+
+#[test]
+fn a_recording_with_a_damaged_image_is_not_replayed_in_silence() {
+    let env = TestEnv::new();
+    for (is_gone, code) in [(false, 65), (true, 1)] {
+        let fixture = Fixture::new(6);
+        let file = fixture.depth_file(1, 3);
+        let bytes = std::fs::read(&file).unwrap();
+        if is_gone {
+            std::fs::remove_file(&file).unwrap()
+        } else {
+            std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap()
+        }
+        let folder = fixture.path().to_str().unwrap();
+        for arguments in [&["calibrate", folder][..], &["replay", folder], &["replay", folder, "--fast"]] {
+            env.pelical(arguments).expect_code(code).expect_talk(&[file.to_str().unwrap()]);
+        }
+    }
+}
+
 #[test]
 fn a_rendered_rig_with_a_gyro_is_recorded_with_its_turn_rates_and_firmware() {
     let env = TestEnv::new();

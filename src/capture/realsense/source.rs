@@ -4,7 +4,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use realsense_rust::device::Device;
 use realsense_rust::frame::{ColorFrame, DepthFrame, FrameEx, ImageFrame};
-use realsense_rust::kind::{Rs2FrameMetadata, Rs2StreamKind, Rs2TimestampDomain};
+use realsense_rust::kind::{Rs2StreamKind, Rs2TimestampDomain};
 
 use super::age::AgeAlarm;
 use super::clock::{WrappingClock, ns_from_ms};
@@ -38,8 +38,7 @@ pub(super) struct RealsenseSource {
     pairing: Pairing<ColorImage, DepthFrame>,
     streams: Streams,
     turning: Turning,
-    /// The clock of the stamps, and the counter of the device.
-    clocks: (WrappingClock, WrappingClock),
+    clock: WrappingClock,
     origin: Origin,
     alarm: AgeAlarm,
     told_clock: bool,
@@ -91,7 +90,7 @@ impl RealsenseSource {
             pairing: Pairing::for_rate(rate_hz),
             streams,
             turning: Turning::default(),
-            clocks: Default::default(),
+            clock: WrappingClock::default(),
             origin,
             alarm: AgeAlarm::new(options.late_after),
             told_clock: false,
@@ -141,7 +140,7 @@ impl RealsenseSource {
     fn stamp(&mut self, ms: f64, domain: Rs2TimestampDomain) -> Option<(i64, StampClock)> {
         let ns = ns_from_ms(ms)?;
         Some(match domain {
-            Rs2TimestampDomain::HardwareClock => (self.clocks.0.unwrapped(ns), StampClock::Device),
+            Rs2TimestampDomain::HardwareClock => (self.clock.unwrapped(ns), StampClock::Device),
             Rs2TimestampDomain::GlobalTime => (ns, StampClock::Translated),
             Rs2TimestampDomain::SystemTime => (ns, StampClock::Host),
         })
@@ -174,10 +173,8 @@ impl RealsenseSource {
         (frame.stamp, frame.sequence) = (StampNs(stamp_ns), color.frame_number());
         (frame.depth_camera, frame.depth_unit_m) = (self.info.depth_camera, self.info.depth_unit_m);
         frame.turn_rate = self.turning.until(stamp_ns);
-        let counter_us = color.metadata(Rs2FrameMetadata::FrameTimestamp);
-        let device_ns = counter_us.map(|us| self.clocks.1.unwrapped(us.saturating_mul(1000)));
         let is_live = matches!(self.origin, Origin::Live { .. });
-        frame.timing = FrameTiming { clock, device_ns, arrival_ns: is_live.then_some(arrival_ns) };
+        frame.timing = FrameTiming { clock, arrival_ns: is_live.then_some(arrival_ns) };
         self.watch_time(stamp_ns, &frame.timing);
         Ok(())
     }

@@ -28,9 +28,8 @@ pub fn calibration(document: &CalibrationDocument) -> String {
     for missing in &document.missing {
         let why = missing.reason.as_ref().map(|reason| reason.sentence.as_str());
         // Of a rig of two the reason of the whole has said it.
-        if why.is_some() && why != told {
-            let _ = writeln!(text, "{} is missing: {}", missing.name, why.unwrap_or_default());
-        }
+        let Some(why) = why.filter(|why| !told.is_some_and(|told| why.ends_with(told))) else { continue };
+        let _ = writeln!(text, "{} is missing: {why}", missing.name);
     }
     if !document.pairs.is_empty() {
         text.push('\n');

@@ -6,7 +6,7 @@ mod held;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::Receiver;
+use crossbeam_channel::{Receiver, Sender};
 use indicatif::ProgressBar;
 
 use super::args::ReplayArgs;
@@ -18,10 +18,11 @@ use super::output::document::{CalibrationDocument, Findings, FrameSets, TimingMs
 use super::output::intake::RefusedFor;
 use super::talk::say;
 use super::{output, progress};
-use crate::capture::DeviceFactory;
 use crate::capture::recording::Recording;
 use crate::capture::replay::{Pace, ReplayFactory, ReplayOptions};
+use crate::capture::{CaptureError, DeviceFactory};
 use crate::ipc::CameraIdentity;
+use crate::pipeline::apart::Skews;
 use crate::pipeline::{
     CameraSlot, CameraState, Counts, LatencySummary, Pipeline, PipelineEvent, PipelineOptions, Progress,
     Snapshot, Solved,
@@ -50,12 +51,14 @@ pub fn run(args: &ReplayArgs) -> Result<Exit, CliError> {
     }
     let start = Instant::now();
     let (sender, events) = crossbeam_channel::bounded(256);
-    let pipeline = Pipeline::start(cameras(&recording, gate.as_ref())?, &options, sender)
+    let (fault_sender, faults) = crossbeam_channel::bounded(1);
+    let pipeline = Pipeline::start(cameras(&recording, (gate.as_ref(), &fault_sender))?, &options, sender)
         .map_err(|error| CliError::Failed(error.to_string()))?;
     let mut playing = Playing {
         recording: &recording,
         bar: progress::bar(Some(recording.frame_sets().len() as u64), "frame sets"),
         newest: None,
+        faults,
         last: (Counts::default(), Instant::now()),
         n_lost: 0,
     };
@@ -64,10 +67,13 @@ pub fn run(args: &ReplayArgs) -> Result<Exit, CliError> {
     pipeline.stop();
     playing.bar.finish_and_clear();
     played?;
-    let calibration = match playing.newest {
+    let mut calibration = match playing.newest {
         Some(solved) => solved.calibration,
         None => without_evidence(&recording, &options),
     };
+    let names: Vec<String> = recording.cameras().iter().map(|info| info.name.clone()).collect();
+    Skews { pairs: &snapshot.pair_skews, names: &names, max_skew: options.sync.max_skew }
+        .explain(&mut calibration);
     let document = CalibrationDocument::new(&Findings {
         cameras: &identities(&recording),
         calibration: &calibration,
@@ -90,6 +96,8 @@ struct Playing<'a> {
     recording: &'a Recording,
     bar: ProgressBar,
     newest: Option<Box<Solved>>,
+    /// The first frame that cannot be read.
+    faults: Receiver<CaptureError>,
     /// The counts, and since when they have been so.
     last: (Counts, Instant),
     /// Sets that were given up.
@@ -121,6 +129,10 @@ impl Playing<'_> {
                 Ok(PipelineEvent::Watched(_)) | Err(_) => {}
             }
             let snapshot = pipeline.snapshot();
+            // After the snapshot: a camera that a fault has ended told the fault first.
+            if let Ok(fault) = self.faults.try_recv() {
+                return Err(fault.into());
+            }
             self.notice(&snapshot.counts);
             if let Some(gate) = gate {
                 gate.release_after(through(&snapshot.counts) + self.n_lost);
@@ -180,16 +192,16 @@ impl Playing<'_> {
     }
 }
 
-fn cameras(recording: &Recording, gate: Option<&Arc<Gate>>) -> Result<Vec<CameraSlot>, CliError> {
+fn cameras(
+    recording: &Recording,
+    (gate, faults): (Option<&Arc<Gate>>, &Sender<CaptureError>),
+) -> Result<Vec<CameraSlot>, CliError> {
     let pace = if gate.is_some() { Pace::Unpaced } else { Pace::RealTime };
     let options = ReplayOptions { pace, ..ReplayOptions::default() };
     let backend: Arc<dyn DeviceFactory> = Arc::new(ReplayFactory::new(recording.clone(), options)?);
-    let factory = match gate {
-        Some(gate) => Arc::new(Held { backend, gate: Arc::clone(gate) }),
-        None => backend,
-    };
+    let factory = Arc::new(Held { backend, gate: gate.cloned(), faults: faults.clone() });
     let slot = |info: &crate::capture::CameraInfo| CameraSlot {
-        factory: Arc::clone(&factory),
+        factory: Arc::<Held>::clone(&factory),
         serial: info.serial.clone(),
         name: info.name.clone(),
     };

@@ -9,6 +9,7 @@ use crate::geometry::Camera;
 use crate::ipc::InstanceName;
 use crate::pipeline::{CameraSlot, FindTimes, FoundLines, LineFinder, Parts, PipelineOptions};
 use crate::service::config::ReadyWhen;
+use crate::service::manager::ServiceManager;
 
 struct Broken;
 

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use pelical::capture::{CameraInfo, CaptureError, DeviceFactory, FrameSource, RgbdFrame, StampNs};
+use pelical::capture::{
+    CameraInfo, CaptureError, DeviceFactory, FrameSource, FrameTiming, RgbdFrame, StampClock, StampNs,
+};
 use pelical::geometry::camera::Pinhole;
 use pelical::geometry::{Camera, Distortion};
 use pelical::pipeline::CameraSlot;
@@ -26,10 +28,13 @@ pub enum Mode {
     Hang,
     /// Frames of another size than promised.
     WrongSize,
+    /// The same frames and stamps, but told to be of the camera's own clock.
+    OwnClock,
     End,
 }
 
-const MODES: [Mode; 6] = [Mode::Run, Mode::Stall, Mode::Unplugged, Mode::Hang, Mode::WrongSize, Mode::End];
+const MODES: [Mode; 7] =
+    [Mode::Run, Mode::Stall, Mode::Unplugged, Mode::Hang, Mode::WrongSize, Mode::OwnClock, Mode::End];
 
 /// The test's hand on a camera.
 #[derive(Debug)]
@@ -123,7 +128,7 @@ impl FrameSource for FakeSource {
 
     fn next_frame(&mut self, frame: &mut RgbdFrame, timeout: Duration) -> Result<(), CaptureError> {
         match self.control.mode() {
-            Mode::Run | Mode::WrongSize => {}
+            Mode::Run | Mode::WrongSize | Mode::OwnClock => {}
             Mode::Stall => {
                 std::thread::sleep(timeout);
                 return Err(CaptureError::Timeout(timeout));
@@ -154,6 +159,9 @@ impl FakeSource {
         let since_first = PERIOD * self.number as u32 + SKEW * self.index;
         frame.stamp = StampNs(FIRST_STAMP_NS + since_first.as_nanos() as i64);
         frame.sequence = self.number;
+        let is_own = self.control.mode() == Mode::OwnClock;
+        let clock = if is_own { StampClock::Device } else { StampClock::Translated };
+        frame.timing = FrameTiming { clock, arrival_ns: Some(0) };
         (frame.width, frame.height) = SIZE;
         if self.control.mode() == Mode::WrongSize {
             frame.width = 2 * width;

@@ -206,6 +206,22 @@ fn frames_of_another_size_than_promised_are_counted_and_not_used() {
 }
 
 #[test]
+fn a_camera_that_stamps_by_its_own_clock_meets_no_other_however_near_its_stamps_are() {
+    let (cameras, controls) = fake::rig(&["clock-a", "clock-b"]);
+    controls[1].set(Mode::OwnClock);
+    let bench = Bench::start(cameras, quick_parts());
+    let counts = bench.wait_for_counts("refused sets", |counts| counts.refused_skew > 20);
+    assert_eq!(counts.sets_formed, 0);
+    assert_eq!(bench.pipeline.snapshot().pair_skews[0].own_clock, Some(1));
+    controls[1].set(Mode::Run);
+    bench.wait_for_progress("both cameras", |progress| present(progress) == [true, true, false]);
+    poll("its clock is known", || {
+        let own_clock = bench.pipeline.snapshot().pair_skews[0].own_clock;
+        own_clock.is_none().then_some(())
+    });
+}
+
+#[test]
 fn a_source_that_hangs_is_left_behind_and_named() {
     let (cameras, controls) = fake::rig(&["hang-a", "hang-b"]);
     let bench = Bench::start(cameras, quick_parts());
