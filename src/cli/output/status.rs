@@ -268,29 +268,7 @@ pub fn text(status: &StatusDocument) -> String {
     }
     let _ = writeln!(text, "up for      {:.0} s", status.uptime_s);
     if !status.cameras.is_empty() {
-        let rows = status.cameras.iter().map(|camera| {
-            let age = camera.last_frame_age_ms.map_or_else(|| "-".to_owned(), |age| format!("{age:.0}"));
-            let counts = [camera.frames, camera.dropped, camera.lost, camera.bad];
-            let depth =
-                camera.valid_depth.map_or_else(|| "-".to_owned(), |share| format!("{:.0}", 100.0 * share));
-            let mut row = vec![camera.name.clone(), camera.state.to_owned(), format!("{:.1}", camera.fps_hz)];
-            row.extend(counts.map(|count| count.to_string()));
-            row.extend([depth, camera.clock.unwrap_or("-").to_owned(), age]);
-            row
-        });
-        let header = [
-            "camera",
-            "state",
-            "frames/s",
-            "frames",
-            "dropped",
-            "lost",
-            "bad",
-            "depth %",
-            "clock",
-            "last frame ms ago",
-        ];
-        text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
+        text += &format!("\n{}", camera_table(&status.cameras));
     }
     if !status.pair_skews.is_empty() {
         text += &format!("\n{}", skew_table(&status.pair_skews));
@@ -302,6 +280,37 @@ pub fn text(status: &StatusDocument) -> String {
         text += &format!("\n{}", table(&["stage", "median ms", "p99 ms"], &rows.collect::<Vec<_>>()));
     }
     text
+}
+
+const CAMERA_COLUMNS: [&str; 10] = [
+    "camera",
+    "state",
+    "frames/s",
+    "frames",
+    "dropped",
+    "lost",
+    "bad",
+    "depth %",
+    "clock",
+    "last frame ms ago",
+];
+
+fn camera_table(cameras: &[CameraStatus]) -> String {
+    let or_dash =
+        |number: Option<f64>| number.map_or_else(|| "-".to_owned(), |number| format!("{number:.0}"));
+    let rows = cameras.iter().map(|camera| {
+        let mut row = vec![camera.name.clone(), camera.state.to_owned(), format!("{:.1}", camera.fps_hz)];
+        let counts = [camera.frames, camera.dropped, camera.lost, camera.bad];
+        row.extend(counts.map(|count| count.to_string()));
+        let clock = camera.clock.unwrap_or("-").to_owned();
+        row.extend([
+            or_dash(camera.valid_depth.map(|share| 100.0 * share)),
+            clock,
+            or_dash(camera.last_frame_age_ms),
+        ]);
+        row
+    });
+    table(&CAMERA_COLUMNS, &rows.collect::<Vec<_>>())
 }
 
 /// How collecting goes, in one line.
