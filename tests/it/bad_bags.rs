@@ -138,7 +138,7 @@ fn an_index_that_names_a_chunk_again_or_out_of_order_is_refused() {
     let chunk = empty_images(10_000);
     let next = chunk.len() as u64;
     let whole = file(&[chunk.clone(), chunk.clone()], &topics);
-    check_refused(&whole, &["no depth images"]);
+    check_refused(&whole, &["no colour images"]);
     for begins in [vec![0; 1000], vec![0, next, 0], vec![next, 0], vec![next, next]] {
         let bytes = file_naming(&begins, &[chunk.clone(), chunk.clone()], &topics);
         check_refused(&bytes, &["the index of the bag is damaged", "it names a chunk at byte"]);
