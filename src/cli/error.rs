@@ -56,3 +56,26 @@ impl CliError {
         move |source| Self::System { what, source }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::ipc::InstanceName;
+
+    #[test]
+    fn a_daemon_that_cannot_be_asked_is_not_reachable_whatever_the_reason() {
+        let instance = InstanceName::default();
+        for error in [
+            ClientError::NotRunning { instance: instance.clone() },
+            ClientError::NoAnswer { instance: instance.clone(), waited: Duration::ZERO },
+            ClientError::Denied { instance: instance.clone() },
+            ClientError::NoRoom { instance: instance.clone(), free: 0, needed: 1 },
+            ClientError::TooManyClients { instance: instance.clone() },
+            ClientError::OtherRelease { instance },
+        ] {
+            assert_eq!(CliError::from(error).exit(), Exit::NotReachable);
+        }
+    }
+}

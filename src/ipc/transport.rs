@@ -10,6 +10,8 @@ use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, SemanticString};
+use rustix::fs::Access;
+use rustix::io::Errno;
 
 use super::services::Failure;
 
@@ -88,6 +90,9 @@ impl Transport {
     /// The daemon's side: makes the folders.
     pub(super) fn prepare(&self) -> Result<(), Failure> {
         let place = self.place();
+        if *self == Self::SharedMemory && enter(&shared_root()) == Err(Failure::Denied) {
+            return Err(Failure::Denied);
+        }
         if let Self::Files { directory } = self {
             self.check().map_err(Failure::Other)?;
             let refused = |error: std::io::Error| Failure::Folder {
@@ -117,8 +122,7 @@ impl Transport {
     pub(super) fn look(&self) -> Result<(), Failure> {
         match self {
             // Looking there through iceoryx2 would make what it never removes again.
-            Self::SharedMemory if Path::new(&Config::default().global.root_path().to_string()).exists() => {}
-            Self::SharedMemory => return Err(Failure::Missing),
+            Self::SharedMemory => enter(&shared_root())?,
             Self::Files { directory } => {
                 self.check().map_err(Failure::Other)?;
                 fs::read_dir(self.place()).map_err(|error| match error.kind() {
@@ -128,6 +132,20 @@ impl Transport {
             }
         }
         Ok(())
+    }
+}
+
+/// Where iceoryx2 keeps the names of its own shared memory, and sockets.
+fn shared_root() -> PathBuf {
+    Config::default().global.root_path().to_string().into()
+}
+
+/// Whether this user may make files in a folder; iceoryx2 would only call it an internal error.
+fn enter(folder: &Path) -> Result<(), Failure> {
+    match rustix::fs::access(folder, Access::READ_OK | Access::WRITE_OK | Access::EXEC_OK) {
+        Err(Errno::NOENT) => Err(Failure::Missing),
+        Err(Errno::ACCESS) => Err(Failure::Denied),
+        _ => Ok(()),
     }
 }
 
@@ -161,6 +179,16 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 0);
         transport.prepare().expect("the daemon makes it");
         assert_eq!(transport.look(), Ok(()));
+    }
+
+    #[test]
+    fn a_folder_of_another_user_is_a_closed_door_and_none_is_an_empty_house() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        assert_eq!(enter(folder.path()), Ok(()));
+        assert_eq!(enter(&folder.path().join("none")), Err(Failure::Missing));
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o500)).expect("set");
+        let is_root = rustix::process::geteuid().is_root();
+        assert_eq!(enter(folder.path()), if is_root { Ok(()) } else { Err(Failure::Denied) });
     }
 
     #[test]

@@ -303,7 +303,7 @@ fn recording_ends_in_time_although_no_two_frames_belong_together() {
 #[test]
 fn devices_says_which_config_it_has_read() {
     let env = TestEnv::new();
-    let config = env.config("{}\n");
+    let config = env.config("");
     let config = config.to_str().unwrap();
     env.pelical(&["devices", "--config", config])
         .expect_code(0)

@@ -24,8 +24,8 @@ pub struct StatusDocument {
     pub instance: String,
     /// What it does: starting, collecting, watching, idle or stopping.
     pub activity: &'static str,
-    /// The newest verdict; `stored` when that is of an earlier run and not verified yet; `moved` when a camera was moved since the
-    /// published result was made.
+    /// The newest verdict; `stored` when that is a kept one which live lines have not confirmed yet; `moved` when a camera was moved
+    /// since the published result was made.
     pub state: &'static str,
     /// Why that is not converged.
     pub reason: Option<ReasonEntry>,
