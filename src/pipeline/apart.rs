@@ -77,9 +77,9 @@ impl Skews<'_> {
             }
             None => {
                 let limit_ms = self.max_skew.as_micros() as f64 / 1e3;
-                let gap = in_words(pair.last_beyond_ms);
+                let gap = in_words(pair.nearest_beyond_ms);
                 format!(
-                    "frames of {first} and {second} are {gap} apart, the limit is {limit_ms} ms: check the cameras' clocks \
+                    "frames of {first} and {second} are at least {gap} apart, the limit is {limit_ms} ms: check the cameras' clocks \
                      and frame rates, or raise sync.max_skew_ms"
                 )
             }
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(
             sentence(&book).as_deref(),
             Some(
-                "frames of left and right are 12.0 ms apart, the limit is 8 ms: check the cameras' clocks and frame rates, or \
+                "frames of left and right are at least 12.0 ms apart, the limit is 8 ms: check the cameras' clocks and frame rates, or \
                  raise sync.max_skew_ms"
             )
         );
@@ -197,7 +197,7 @@ mod tests {
         Skews { pairs: &pairs, names: &names, max_skew: LIMIT }.explain(&mut calibration);
         let told =
             |reason: &Option<Reason>| reason.as_ref().map_or_else(String::new, |why| why.sentence.clone());
-        assert!(told(&calibration.reason).starts_with("frames of right and rear are 19.0 ms apart"));
+        assert!(told(&calibration.reason).starts_with("frames of right and rear are at least 19.0 ms apart"));
         let is_skew =
             calibration.pairs.iter().map(|pair| told(&pair.reason).starts_with("frames of right and rear"));
         assert_eq!(is_skew.collect::<Vec<_>>(), [false, true, true]);

@@ -1,4 +1,4 @@
-//! How far apart the frames of each two cameras are, over a whole run: any thread may write at any time, in fixed memory.
+//! How far apart the frames of each two cameras are, over a whole run: one thread writes, any reads at any time, in fixed memory.
 //!
 //! Frames that stand in one set and frames that found no partner near enough are told apart: the ones say how well the cameras are in
 //! step, the others how far they are out of it.
@@ -23,6 +23,8 @@ pub struct PairSkew {
     pub in_a_row: u64,
     /// How far apart they were the last time, ms; 0 before the first.
     pub last_beyond_ms: f64,
+    /// How far apart the nearest of those in a row were, ms; 0 without any.
+    pub nearest_beyond_ms: f64,
     /// A camera of the two whose stamps are of a clock of its own: no set can have both.
     pub own_clock: Option<usize>,
 }
@@ -43,6 +45,7 @@ struct PairBook {
     beyond: Counter,
     in_a_row: Counter,
     last_beyond_ns: Counter,
+    nearest_beyond_ns: Counter,
 }
 
 impl SkewBook {
@@ -69,6 +72,7 @@ impl SkewBook {
                 } else if let Some(book) = self.book(first, second) {
                     book.within.record(gap);
                     book.in_a_row.set(0);
+                    book.nearest_beyond_ns.set(0);
                 }
             }
         }
@@ -77,9 +81,13 @@ impl SkewBook {
     /// Takes note of frames that are too far apart for one set.
     pub fn note_beyond(&self, (a, b): (usize, usize), gap: Duration) {
         if let Some(book) = self.book(a.min(b), a.max(b)) {
+            let gap_ns = u64::try_from(gap.as_nanos()).unwrap_or(u64::MAX);
+            let is_first = book.in_a_row.get() == 0;
+            let nearest_ns = if is_first { gap_ns } else { gap_ns.min(book.nearest_beyond_ns.get()) };
+            book.nearest_beyond_ns.set(nearest_ns);
             book.beyond.add_one();
             book.in_a_row.add_one();
-            book.last_beyond_ns.set(u64::try_from(gap.as_nanos()).unwrap_or(u64::MAX));
+            book.last_beyond_ns.set(gap_ns);
         }
     }
 
@@ -112,6 +120,7 @@ impl PairBook {
             in_a_row: self.in_a_row.get(),
             own_clock: None,
             last_beyond_ms: self.last_beyond_ns.get() as f64 * 1e-6,
+            nearest_beyond_ms: self.nearest_beyond_ns.get() as f64 * 1e-6,
         }
     }
 }
@@ -148,7 +157,8 @@ mod tests {
         book.note_beyond((1, 0), Duration::from_millis(15));
         let pair = book.pairs()[0];
         assert_eq!((pair.within.count, pair.within.max_ms), (1, 8.0));
-        assert_eq!((pair.beyond, pair.in_a_row, pair.last_beyond_ms), (2, 2, 15.0));
+        assert_eq!((pair.beyond, pair.in_a_row), (2, 2));
+        assert_eq!((pair.last_beyond_ms, pair.nearest_beyond_ms), (15.0, 11.0));
         note(&book, &[Some(80), Some(81)]);
         assert_eq!((book.pairs()[0].beyond, book.pairs()[0].in_a_row), (2, 0));
     }

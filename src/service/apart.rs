@@ -10,28 +10,25 @@ use crate::solver::{Reason, RigCalibration};
 #[derive(Debug)]
 pub struct ApartTeller {
     max_skew: Duration,
-    /// The cameras that were told.
-    told: Option<(usize, usize)>,
+    is_told: bool,
 }
 
 impl ApartTeller {
     /// Nothing is told yet.
     pub fn new(max_skew: Duration) -> Self {
-        Self { max_skew, told: None }
+        Self { max_skew, is_told: false }
     }
 
     /// Looks at the pipeline; why frames of two cameras meet no others, if they do not.
     pub fn look(&mut self, pipeline: &Snapshot) -> Option<Reason> {
         let names = names(pipeline);
-        let skews = self.skews(pipeline, &names);
-        let cameras = skews.worst().map(|pair| (pair.first, pair.second));
-        let reason = skews.reason();
-        if std::mem::replace(&mut self.told, cameras) != cameras {
-            match &reason {
-                Some(reason) => tracing::warn!("no common frame sets: {}", reason.sentence),
-                None => tracing::info!("frames of all cameras meet again in frame sets"),
-            }
+        let reason = self.skews(pipeline, &names).reason();
+        match (&reason, self.is_told) {
+            (Some(reason), false) => tracing::warn!("no common frame sets: {}", reason.sentence),
+            (None, true) => tracing::info!("frames of all cameras meet in frame sets"),
+            _ => {}
         }
+        self.is_told = reason.is_some();
         reason
     }
 

@@ -111,7 +111,7 @@ fn frames_beyond_the_limit_form_no_set_and_are_counted() {
 }
 
 /// What is said of the fixture's cameras where the limit is 0.1 ms.
-const APART: &str = "frames of left and right are 0.15 ms apart, the limit is 0.1 ms: check the cameras' clocks and frame rates, \
+const APART: &str = "frames of left and right are at least 0.15 ms apart, the limit is 0.1 ms: check the cameras' clocks and frame rates, \
                      or raise sync.max_skew_ms";
 
 #[test]
@@ -150,7 +150,7 @@ fn a_daemon_whose_cameras_never_meet_says_so_wherever_it_is_asked() {
 #[test]
 fn a_recording_with_a_damaged_image_is_not_replayed_in_silence() {
     let env = TestEnv::new();
-    for (is_gone, code) in [(false, 65), (true, 1)] {
+    for is_gone in [false, true] {
         let fixture = Fixture::new(6);
         let file = fixture.depth_file(1, 3);
         let bytes = std::fs::read(&file).unwrap();
@@ -161,7 +161,7 @@ fn a_recording_with_a_damaged_image_is_not_replayed_in_silence() {
         }
         let folder = fixture.path().to_str().unwrap();
         for arguments in [&["calibrate", folder][..], &["replay", folder], &["replay", folder, "--fast"]] {
-            env.pelical(arguments).expect_code(code).expect_talk(&[file.to_str().unwrap()]);
+            env.pelical(arguments).expect_code(65).expect_talk(&[file.to_str().unwrap()]);
         }
     }
 }
