@@ -198,8 +198,6 @@ impl Daemon {
         self.note(polled.map(drop));
     }
 
-
-
     fn answer(&mut self, request: Request, live: &Live<'_>) -> Response {
         let pipeline = &live.pipeline;
         let before = pipeline.snapshot();

@@ -149,7 +149,10 @@ mod tests {
         ]);
         assert_eq!(found.expect("they are there").len(), 3);
         let [none, one, reference] = said.as_slice() else { panic!("{said:?}") };
-        assert!(none.contains("no camera") && one.contains("left") && reference.contains("front"), "{said:?}");
+        assert!(
+            none.contains("no camera") && one.contains("left") && reference.contains("front"),
+            "{said:?}"
+        );
     }
 
     #[test]

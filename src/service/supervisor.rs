@@ -85,8 +85,7 @@ impl Supervisor {
             ReadyWhen::Calibrated => daemon.state == State::Converged,
         };
         let hang = self.attend(vitals, is_met);
-        let words =
-            hang.unwrap_or_else(|| status(standing, (!self.is_ready).then_some(self.ready_when)));
+        let words = hang.unwrap_or_else(|| status(standing, (!self.is_ready).then_some(self.ready_when)));
         self.say(&words);
     }
 

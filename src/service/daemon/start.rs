@@ -82,7 +82,8 @@ pub(in crate::service) fn run_attached(
 pub(super) fn run_rig(
     rig: &Rig,
     server: &Server,
-    (daemon, stop): (&mut Daemon, &Stop)) -> Result<(), ServiceError> {
+    (daemon, stop): (&mut Daemon, &Stop),
+) -> Result<(), ServiceError> {
     for restarts in 0.. {
         let (sender, events) = bounded(EVENT_QUEUE);
         let live = Live { pipeline: rig.start(sender)?, events, server };
@@ -153,9 +154,10 @@ impl Daemon {
         self.reload_when_asked();
         if self.supervisor.is_due() && !self.life.is_stopping() {
             self.supervisor.look_at_opening(&match search {
-                Some(search) => {
-                    Opening::Looking { turns: search.turns.load(Ordering::Relaxed), missing: missing.as_deref() }
-                }
+                Some(search) => Opening::Looking {
+                    turns: search.turns.load(Ordering::Relaxed),
+                    missing: missing.as_deref(),
+                },
                 None => Opening::Loading,
             });
         }
