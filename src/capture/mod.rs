@@ -89,7 +89,16 @@ pub enum CaptureError {
         /// What is wrong and what is allowed.
         what: String,
     },
-    /// The device or its driver refuses; the message says what.
+    /// The device is there and well, but not for us as it is asked for: a mode or lens that it does not have or we do not know, no permission,
+    /// another program that has it. Neither opening it again nor a reset cures that.
+    #[error("camera {serial}: {what}")]
+    Refused {
+        /// Which camera.
+        serial: String,
+        /// What is wrong and what to do.
+        what: String,
+    },
+    /// The device or its driver fails; the message says how.
     #[error("camera {serial}: {what}")]
     Device {
         /// Which camera.
@@ -113,7 +122,7 @@ impl CaptureError {
         Self::BadData { path: path.to_path_buf(), what: what.into() }
     }
 
-    /// The device or its driver refuses.
+    /// The device or its driver fails.
     pub(crate) fn device(serial: &str, what: impl std::fmt::Display) -> Self {
         Self::Device { serial: serial.to_owned(), what: what.to_string() }
     }

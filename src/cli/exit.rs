@@ -28,6 +28,14 @@ pub enum Exit {
     BadConfig = 78,
 }
 
+impl Exit {
+    /// Ends the process now, without its destructors of static objects: a thread that hangs in a camera's driver would keep those of
+    /// the driver from their end, and with them the exit code from whoever waits for it. Nothing of ours is left to be written then.
+    pub fn leave(self) -> ! {
+        signal_hook::low_level::exit(self as i32)
+    }
+}
+
 impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
         ExitCode::from(exit as u8)

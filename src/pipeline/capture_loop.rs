@@ -11,7 +11,7 @@ use crate::geometry::Camera;
 use super::CameraSlot;
 use super::buffers::FrameSlot;
 use super::event::CameraState;
-use super::recovery::{Ladder, RecoveryOptions, Step};
+use super::recovery::{Ladder, Loss, RecoveryOptions, Step};
 use super::shared::Shared;
 
 /// Longest wait inside a source: short, so that a stop is noticed even while a camera stalls.
@@ -41,7 +41,7 @@ enum StreamEnd {
     /// There will be no more frames.
     Ended,
     /// Open it again.
-    Lost { state: CameraState, detail: String },
+    Lost { loss: Loss, state: CameraState, detail: String },
 }
 
 impl CaptureLoop {
@@ -65,13 +65,13 @@ impl CaptureLoop {
                     self.shared.change_camera(self.camera, CameraState::Ended, "");
                     return;
                 }
-                StreamEnd::Lost { state, detail } => {
+                StreamEnd::Lost { loss, state, detail } => {
                     if state == CameraState::Waiting && !was_told {
                         tracing::warn!(camera = self.slot.name, "camera is waited for: {detail}");
                         was_told = true;
                     }
                     self.shared.change_camera(self.camera, state, &detail);
-                    state
+                    loss
                 }
             };
             let worked = self.frames() > frames_before;
@@ -83,7 +83,7 @@ impl CaptureLoop {
         }
     }
 
-    /// Resets the device when it is its turn; whether it was tried.
+    /// Resets the device when it is its turn; whether it begins anew now.
     fn reset(&self) -> bool {
         let CameraSlot { factory, serial, name } = &self.slot;
         if !self.shared.resets.take(self.shared.since_start(), self.recovery.reset_interval) {
@@ -94,6 +94,8 @@ impl CaptureLoop {
                 tracing::warn!(camera = name, "camera was reset, since opening it again did not help")
             }
             Ok(false) => tracing::debug!(camera = name, "this back end cannot reset a camera"),
+            // It has gone meanwhile: the turn is another's.
+            Err(CaptureError::NotFound { .. }) => self.shared.resets.give_back(),
             Err(error) => tracing::warn!(camera = name, "camera cannot be reset: {error}"),
         }
         true
@@ -107,16 +109,22 @@ impl CaptureLoop {
         match self.slot.factory.open(&self.slot.serial) {
             Ok(mut source) => self.stream(source.as_mut()),
             Err(CaptureError::EndOfStream) => StreamEnd::Ended,
-            Err(error) => StreamEnd::Lost { state: self.state_without(&error), detail: error.to_string() },
+            Err(error) => {
+                let (loss, state) = self.without(&error);
+                StreamEnd::Lost { loss, state, detail: error.to_string() }
+            }
         }
     }
 
-    /// The state of a camera that did not open: one that was there before stays "unplugged".
-    fn state_without(&self, error: &CaptureError) -> CameraState {
+    /// A camera that did not open: one that was there before stays "unplugged".
+    fn without(&self, error: &CaptureError) -> (Loss, CameraState) {
         match (error, self.shared.cameras[self.camera].state()) {
-            (CaptureError::NotFound { .. }, CameraState::Waiting) => CameraState::Waiting,
-            (CaptureError::NotFound { .. } | CaptureError::Unplugged(_), _) => CameraState::Unplugged,
-            _ => CameraState::Failed,
+            (CaptureError::NotFound { .. }, CameraState::Waiting) => (Loss::Away, CameraState::Waiting),
+            (CaptureError::NotFound { .. } | CaptureError::Unplugged(_), _) => {
+                (Loss::Away, CameraState::Unplugged)
+            }
+            (CaptureError::Refused { .. }, _) => (Loss::Refused, CameraState::Failed),
+            _ => (Loss::Failed, CameraState::Failed),
         }
     }
 
@@ -275,6 +283,7 @@ impl Stream<'_> {
 
     fn end(&self, slot: Box<FrameSlot>, state: CameraState, detail: &str) -> StreamEnd {
         self.shared.queues.recycle_frame(slot);
-        StreamEnd::Lost { state, detail: detail.to_owned() }
+        let loss = if state == CameraState::Unplugged { Loss::Away } else { Loss::Failed };
+        StreamEnd::Lost { loss, state, detail: detail.to_owned() }
     }
 }

@@ -4,7 +4,6 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use super::event::CameraState;
 use super::pulse::Vitals;
 
 /// The steps of recovery.
@@ -39,6 +38,17 @@ pub enum Step {
     Reset,
 }
 
+/// How a camera was lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Loss {
+    /// It is not there: it waits for a hand, not for a reset.
+    Away,
+    /// It is there, but not for us as it is asked for: a reset changes nothing of that, and would disturb who has it.
+    Refused,
+    /// It is there and fails.
+    Failed,
+}
+
 /// Where one camera is on the way.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Ladder {
@@ -47,15 +57,15 @@ pub struct Ladder {
 }
 
 impl Ladder {
-    /// The camera was lost; `has_delivered` says whether it gave frames since it was opened. One that is not there waits for a hand,
-    /// not for a reset.
-    pub fn on_lost(&mut self, state: CameraState, has_delivered: bool, options: &RecoveryOptions) -> Step {
-        if has_delivered {
+    /// The camera was lost; `has_delivered` says whether it gave frames since it was opened.
+    pub fn on_lost(&mut self, loss: Loss, has_delivered: bool, options: &RecoveryOptions) -> Step {
+        if has_delivered || loss == Loss::Away {
             self.failures = 0;
         }
-        if matches!(state, CameraState::Stalled | CameraState::Failed) {
-            self.failures = self.failures.saturating_add(1);
+        if loss != Loss::Failed {
+            return Step::Reopen;
         }
+        self.failures = self.failures.saturating_add(1);
         if self.failures > options.reopens_before_reset { Step::Reset } else { Step::Reopen }
     }
 
@@ -79,6 +89,11 @@ impl ResetTurn {
         let (now_ns, next_ns) = (ns(now), ns(now.saturating_add(interval)));
         let is_free = |free_at_ns| (free_at_ns <= now_ns).then_some(next_ns);
         self.free_at_ns.fetch_update(Ordering::Relaxed, Ordering::Relaxed, is_free).is_ok()
+    }
+
+    /// Gives back a turn in which there was nothing to reset.
+    pub fn give_back(&self) {
+        self.free_at_ns.store(0, Ordering::Relaxed);
     }
 }
 
@@ -128,14 +143,10 @@ mod tests {
     fn a_camera_without_frames_is_reopened_then_reset_then_reopened_again() {
         let mut ladder = Ladder::default();
         for _ in 0..3 {
-            assert_eq!(ladder.on_lost(CameraState::Stalled, false, &OPTIONS), Step::Reopen);
-            assert_eq!(ladder.on_lost(CameraState::Failed, false, &OPTIONS), Step::Reopen);
-            assert_eq!(ladder.on_lost(CameraState::Stalled, false, &OPTIONS), Step::Reset);
-            assert_eq!(
-                ladder.on_lost(CameraState::Stalled, false, &OPTIONS),
-                Step::Reset,
-                "until it was reset"
-            );
+            assert_eq!(ladder.on_lost(Loss::Failed, false, &OPTIONS), Step::Reopen);
+            assert_eq!(ladder.on_lost(Loss::Failed, false, &OPTIONS), Step::Reopen);
+            assert_eq!(ladder.on_lost(Loss::Failed, false, &OPTIONS), Step::Reset);
+            assert_eq!(ladder.on_lost(Loss::Failed, false, &OPTIONS), Step::Reset, "until it was reset");
             ladder.on_reset();
         }
     }
@@ -144,16 +155,42 @@ mod tests {
     fn frames_in_between_begin_anew() {
         let mut ladder = Ladder::default();
         for _ in 0..100 {
-            assert_eq!(ladder.on_lost(CameraState::Stalled, true, &OPTIONS), Step::Reopen);
+            assert_eq!(ladder.on_lost(Loss::Failed, true, &OPTIONS), Step::Reopen);
         }
     }
 
     #[test]
-    fn a_camera_that_is_not_there_is_never_reset() {
-        let mut ladder = Ladder::default();
-        for state in [CameraState::Waiting, CameraState::Unplugged].repeat(50) {
-            assert_eq!(ladder.on_lost(state, false, &OPTIONS), Step::Reopen);
+    fn a_camera_that_is_not_there_or_refuses_is_never_reset_however_it_failed_before() {
+        for loss in [Loss::Away, Loss::Refused] {
+            for n_failures in 0..6 {
+                let mut ladder = Ladder::default();
+                for _ in 0..n_failures {
+                    ladder.on_lost(Loss::Failed, false, &OPTIONS);
+                }
+                for _ in 0..50 {
+                    assert_eq!(ladder.on_lost(loss, false, &OPTIONS), Step::Reopen);
+                }
+            }
         }
+    }
+
+    #[test]
+    fn what_was_away_begins_anew() {
+        let mut ladder = Ladder::default();
+        for _ in 0..10 {
+            for loss in [Loss::Failed, Loss::Failed, Loss::Away] {
+                assert_eq!(ladder.on_lost(loss, false, &OPTIONS), Step::Reopen);
+            }
+        }
+    }
+
+    #[test]
+    fn a_turn_that_was_given_back_is_free_for_the_next() {
+        let (turn, interval) = (ResetTurn::default(), Duration::from_secs(60));
+        assert!(turn.take(Duration::from_secs(5), interval));
+        turn.give_back();
+        assert!(turn.take(Duration::from_secs(6), interval));
+        assert!(!turn.take(Duration::from_secs(7), interval));
     }
 
     #[test]

@@ -1,41 +1,42 @@
 //! The running daemon: one thread that listens to the pipeline and to the clients, and tells the one about the other.
 
+mod results;
+mod start;
 #[cfg(test)]
 mod tests;
 
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
+use crossbeam_channel::Receiver;
+
+pub use start::run;
+pub(super) use start::run_attached;
 
 use super::Attachments;
 use super::apart::ApartTeller;
 use super::config::{Config, OnMoved};
-use super::error::ServiceError;
 use super::logging::LogHandle;
 use super::reload::Reloader;
-use super::rig::{Rig, identities, with_firmware};
 use super::state::{self, Life};
 use super::stop::Stop;
-use super::storing::{self, Storing};
+use super::storing::Storing;
 use super::supervisor::{Standing, Supervisor};
-use super::telling::{HealthTeller, ProgressTeller, log_moved, wall_clock_ns};
+use super::telling::{HealthTeller, ProgressTeller};
 use crate::ipc::{
-    CalibrationMessage, CameraIdentity, Outcome, Provenance, RefusalCode, Request, RequestKind, Response,
-    Server, ServerError, Snapshot,
+    CalibrationMessage, CameraIdentity, Outcome, Request, RequestKind, Response, Server, ServerError,
+    Snapshot,
 };
 use crate::pipeline::recovery::HangWatch;
-use crate::pipeline::{self, Answer, Command, Counts, Pipeline, PipelineEvent, Solved};
-use crate::solver::{RigCalibration, State, WatchReport};
-use crate::store::StoredCalibration;
+use crate::pipeline::{self, Answer, Command, Counts, Pipeline, PipelineEvent};
+use crate::solver::{RigCalibration, State};
 
 /// Longest time a client's request or a signal waits for the daemon's attention; events of the pipeline wake it at once.
 const POLL: Duration = Duration::from_millis(5);
 /// How often health is told.
 const HEALTH_INTERVAL: Duration = Duration::from_secs(1);
+
 /// Events that wait for this thread; at 30 frame sets a second this is two seconds. Then the pipeline drops and counts them.
 const EVENT_QUEUE: usize = 64;
-/// Restarts of a pipeline with a bug before the daemon gives up.
-const MAX_RESTARTS: u32 = 5;
 
 /// What is remembered while pipelines come and go.
 struct Daemon {
@@ -79,102 +80,6 @@ enum End {
     Hang {
         thread: String,
     },
-}
-
-/// Runs the daemon until it is asked to stop.
-///
-/// # Errors
-/// When it cannot start, or when the pipeline fails again and again.
-pub fn run(config: &Config, stop: &Stop) -> Result<(), ServiceError> {
-    run_attached(config, stop, Attachments::default())
-}
-
-/// The same with a service manager and a config file.
-pub(super) fn run_attached(
-    config: &Config,
-    stop: &Stop,
-    attachments: Attachments,
-) -> Result<(), ServiceError> {
-    let Attachments { manager, reloader } = attachments;
-    let mut supervisor = Supervisor::new(manager, config.ready_when);
-    supervisor.say("opening the cameras' back end");
-    // The name first: a second daemon must not even touch the cameras.
-    let server = Server::start_over(&config.transport, &config.instance)?;
-    let storing = Storing::open(&config.store, &config.instance);
-    let mut daemon = Daemon::new(config, storing, (supervisor, reloader));
-    // Listed cameras are known before they are there: nobody waits for a back end to get the last good calibration.
-    if let Some(listed) = config.cameras.listed() {
-        daemon.serve_newest(identities(&listed?), &server);
-    }
-    let Some(rig) = open_rig(config, stop, (&mut daemon, &server))? else {
-        tracing::info!("stopped before the cameras were there");
-        return Ok(());
-    };
-    let names: Vec<&str> = rig.identities.iter().map(|camera| camera.name.as_str()).collect();
-    tracing::info!(instance = %config.instance, cameras = names.join(", "), "started");
-    if daemon.identities.is_empty() {
-        daemon.serve_newest(rig.identities.clone(), &server);
-    }
-    let ended = run_rig(&rig, &server, (&mut daemon, stop));
-    daemon.storing.finish();
-    ended
-}
-
-/// Runs pipelines one after the other: a panic in one of its threads ends a pipeline, not the daemon.
-fn run_rig(rig: &Rig, server: &Server, (daemon, stop): (&mut Daemon, &Stop)) -> Result<(), ServiceError> {
-    for restarts in 0.. {
-        let (sender, events) = bounded(EVENT_QUEUE);
-        let live = Live { pipeline: rig.start(sender)?, events, server };
-        if let Some(served) = &daemon.served {
-            live.pipeline.watch(served.clone());
-        }
-        let end = daemon.serve(&live, stop);
-        daemon.say_goodbye(&live, &end);
-        let report = live.pipeline.stop();
-        match end {
-            End::Requested => {
-                tracing::info!(hanging = report.abandoned.len(), "stopped");
-                break;
-            }
-            End::Hang { thread } => return Err(ServiceError::CameraHangs { thread }),
-            End::Bug { thread } if restarts == MAX_RESTARTS => {
-                return Err(ServiceError::Bug { thread, restarts });
-            }
-            End::Bug { thread } => {
-                tracing::error!(
-                    thread,
-                    restarts,
-                    "a thread panicked, which is a bug: starting the pipeline again"
-                );
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Opens the back end on a thread of its own: loading a recording takes as long as it takes, and a signal must not wait for it.
-/// Clients are answered meanwhile. `None` when the daemon shall stop; the thread ends with the process.
-fn open_rig(
-    config: &Config,
-    stop: &Stop,
-    (daemon, server): (&mut Daemon, &Server),
-) -> Result<Option<Rig>, ServiceError> {
-    let (sender, opened) = bounded(1);
-    let config = config.clone();
-    let opening = std::thread::Builder::new().name("open".to_owned());
-    // Nobody receives any more when the daemon has stopped.
-    let spawned = opening.spawn(move || drop(sender.send(Rig::awaited(&config))));
-    spawned.map_err(|source| ServiceError::System { what: "cannot start a thread", source })?;
-    while !stop.is_set() {
-        match opened.recv_timeout(POLL) {
-            Ok(rig) => return rig.map(Some),
-            Err(RecvTimeoutError::Timeout) => daemon.answer_early_clients(server),
-            Err(RecvTimeoutError::Disconnected) => {
-                return Err(ServiceError::Bug { thread: "open".to_owned(), restarts: 1 });
-            }
-        }
-    }
-    Ok(None)
 }
 
 impl Daemon {
@@ -288,142 +193,6 @@ impl Daemon {
         self.note(polled.map(drop));
     }
 
-    /// Before there is a pipeline, clients can look and nothing else.
-    fn answer_early_clients(&mut self, server: &Server) {
-        let answer = |request: Request| {
-            let outcome = match request.kind {
-                RequestKind::Status => Outcome::Accepted,
-                _ => Outcome::Refused {
-                    code: RefusalCode::Starting,
-                    sentence: "the daemon is opening its cameras: ask again in a moment".to_owned(),
-                },
-            };
-            Response { outcome, snapshot: self.snapshot(&pipeline::Snapshot::default()) }
-        };
-        let polled = server.poll(Duration::ZERO, answer);
-        self.note(polled.map(drop));
-        self.answer_archive(server);
-    }
-
-    /// The cameras are known: serves their newest calibration of earlier runs, if there is one.
-    fn serve_newest(&mut self, identities: Vec<CameraIdentity>, server: &Server) {
-        self.identities = identities;
-        if let Some(newest) = self.storing.newest_for(&self.identities) {
-            let age_s = wall_clock_ns().saturating_sub(newest.made_ns) / 1_000_000_000;
-            tracing::info!(
-                id = newest.id,
-                age_s,
-                "serving the stored calibration until live lines confirm it"
-            );
-            self.publish_stored(&newest, server);
-        }
-    }
-
-    /// Publishes a calibration of an earlier time, which is not verified.
-    fn publish_stored(&mut self, stored: &StoredCalibration, server: &Server) {
-        self.life.on_stored();
-        self.served = Some(stored.calibration.clone());
-        self.progress.note(&stored.calibration);
-        self.publish(storing::message(stored, State::Stored), server);
-    }
-
-    fn handle(&mut self, event: PipelineEvent, live: &Live<'_>) {
-        match event {
-            PipelineEvent::Progress(progress) => {
-                self.life.on_frames();
-                let message = self.progress.message(&progress, self.identities.len(), &self.life);
-                self.note(live.server.publish_progress(&message));
-            }
-            // One that was under way when a client asked for a new calibration is not the answer to that.
-            PipelineEvent::Calibration(solved) if solved.round != live.pipeline.round() => {}
-            PipelineEvent::Calibration(solved) => self.take(*solved, live),
-            PipelineEvent::Watched(watched) if watched.round != live.pipeline.round() => {}
-            PipelineEvent::Watched(watched) => self.watched(watched.report, live),
-            // The pipeline has logged it, health tells it, and a bug has ended the loop.
-            PipelineEvent::Camera { .. } | PipelineEvent::Bug { .. } => {}
-        }
-    }
-
-    fn take(&mut self, mut solved: Solved, live: &Live<'_>) {
-        self.apart.explain(&mut solved.calibration, &live.pipeline.snapshot());
-        self.life.on_solved(&solved);
-        self.progress.note(&solved.calibration);
-        self.keeps_result &= self.life.state() != State::Converged;
-        let (state, ms) = (solved.calibration.state.name(), solved.took.as_millis());
-        let sentence = solved.calibration.reason.as_ref().map_or("", |reason| reason.sentence.as_str());
-        if self.life.state() == State::Converged {
-            tracing::info!(state, ms, frame_sets = solved.calibration.frame_sets_used, "calibrated");
-        } else {
-            tracing::debug!(state, ms, sentence, "not yet");
-        }
-        if !self.keeps_result {
-            self.publish_solved(solved.calibration, live);
-        }
-    }
-
-    fn publish_solved(&mut self, calibration: RigCalibration, live: &Live<'_>) {
-        let mut message = CalibrationMessage {
-            sequence: 0,
-            stamp_ns: wall_clock_ns(),
-            provenance: Provenance {
-                version: env!("CARGO_PKG_VERSION").to_owned(),
-                config_hash: self.config_hash.clone(),
-                ..Provenance::default()
-            },
-            cameras: with_firmware(&self.identities, &live.pipeline.snapshot()),
-            calibration,
-        };
-        if message.calibration.state == State::Converged {
-            let counts = self.progress.frame_sets(&live.pipeline.snapshot().counts);
-            message.provenance.id = self.storing.add(&message, counts.into());
-        }
-        self.publish(message, live.server);
-    }
-
-    fn publish(&mut self, mut message: CalibrationMessage, server: &Server) {
-        message.sequence = self.published.as_ref().map_or(0, |before| before.sequence) + 1;
-        self.note(server.publish_calibration(&message));
-        self.published = Some(message);
-    }
-
-    /// Live lines agree with the result of an earlier run: it is published again, as one of this run.
-    fn publish_verified(&mut self, server: &Server) {
-        let Some(mut message) = self.published.clone() else { return };
-        tracing::info!(id = message.provenance.id, "the stored calibration is verified");
-        message.calibration.state = State::Converged;
-        self.publish(message, server);
-    }
-
-    /// The newest word on how the result stands.
-    fn watched(&mut self, report: WatchReport, live: &Live<'_>) {
-        let pipeline = &live.pipeline;
-        let is_news = self.life.on_watched(report);
-        if self.life.on_verified() {
-            self.publish_verified(live.server);
-        }
-        if !is_news {
-            return;
-        }
-        let moved = self.life.watch().map(|watch| watch.moved.as_slice()).unwrap_or_default();
-        if moved.is_empty() {
-            tracing::info!("every camera stands again as calibrated");
-            return;
-        }
-        moved.iter().for_each(|moved| log_moved(moved, &self.identities));
-        if self.on_moved == OnMoved::Recalibrate {
-            let before = pipeline.snapshot();
-            if pipeline.command(Command::Recalibrate) == Answer::Accepted {
-                tracing::info!(
-                    "calibrating again because a camera was moved: the old result stays until then"
-                );
-                self.life.on_moved_restart();
-                self.progress.restart(before.counts);
-                self.keeps_result = true;
-                self.served = None;
-            }
-        }
-    }
-
     fn answer(&mut self, request: Request, live: &Live<'_>) -> Response {
         let pipeline = &live.pipeline;
         let before = pipeline.snapshot();
@@ -443,20 +212,6 @@ impl Daemon {
             tracing::info!(request = ?request.kind, ?outcome, "asked");
         }
         Response { outcome, snapshot: self.snapshot(&pipeline.snapshot()) }
-    }
-
-    /// Publishes an older calibration and watches it like one of an earlier run.
-    fn go_back(&mut self, id: u64, live: &Live<'_>) -> Outcome {
-        let stored = match self.storing.go_back(id, &self.identities, wall_clock_ns()) {
-            Ok(stored) => stored,
-            Err((code, sentence)) => return Outcome::Refused { code, sentence },
-        };
-        tracing::info!(id, new_id = stored.id, "going back to an older calibration");
-        self.keeps_result = false;
-        self.progress.restart(live.pipeline.snapshot().counts);
-        self.publish_stored(&stored, live.server);
-        live.pipeline.watch(stored.calibration);
-        Outcome::Accepted
     }
 
     fn snapshot(&self, pipeline: &pipeline::Snapshot) -> Snapshot {

@@ -109,6 +109,11 @@ impl Life {
         self.watch = None;
     }
 
+    /// Whether the end has begun.
+    pub fn is_stopping(&self) -> bool {
+        self.is_stopping
+    }
+
     /// The end has begun.
     pub fn on_stop(&mut self) {
         self.is_stopping = true;

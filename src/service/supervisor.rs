@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::config::ReadyWhen;
 use super::manager::{Notice, ServiceManager};
 use crate::ipc::{Activity, Snapshot};
-use crate::pipeline::{CameraSnapshot, CameraState, Vitals};
+use crate::pipeline::{CameraSnapshot, CameraState, ThreadVitals, Vitals};
 use crate::solver::State;
 
 /// How often the pipeline is looked at where no watchdog asks for more.
@@ -34,6 +34,20 @@ pub struct Standing<'a> {
     pub daemon: &'a Snapshot,
     /// Every camera.
     pub cameras: &'a [CameraSnapshot],
+}
+
+/// What the daemon does before there is a pipeline.
+#[derive(Debug, Clone, Copy)]
+pub enum Opening<'a> {
+    /// It reads what it needs. No driver is in that which could hang, and it ends.
+    Loading,
+    /// It looks for cameras.
+    Looking {
+        /// How often the thread that looks has turned.
+        turns: u64,
+        /// What is missing, in words; `None` before the first look is over.
+        missing: Option<&'a str>,
+    },
 }
 
 impl Supervisor {
@@ -64,32 +78,52 @@ impl Supervisor {
 
     /// Looks whether everything moves, and tells what is new.
     pub fn look(&mut self, vitals: Vitals, standing: &Standing<'_>) {
+        let daemon = standing.daemon;
+        let is_met = match self.ready_when {
+            ReadyWhen::Started => true,
+            ReadyWhen::Cameras => daemon.cameras_streaming == daemon.cameras,
+            ReadyWhen::Calibrated => daemon.state == State::Converged,
+        };
+        let hang = self.attend(vitals, is_met);
+        let words = hang.unwrap_or_else(|| status(standing, (!self.is_ready).then_some(self.ready_when)));
+        self.say(&words);
+    }
+
+    /// The same before there is a pipeline. A daemon that waits for cameras has started: it answers its clients.
+    pub fn look_at_opening(&mut self, opening: &Opening<'_>) {
+        let Opening::Looking { turns, missing } = *opening else {
+            self.looked = Some(Instant::now());
+            return self.live(false);
+        };
+        let thread = ThreadVitals { name: "open".to_owned(), turns, has_ended: false };
+        let vitals = Vitals { threads: vec![thread], ..Vitals::default() };
+        let hang = self.attend(vitals, self.ready_when == ReadyWhen::Started && missing.is_some());
+        let words = || match missing {
+            Some(missing) => format!("waiting for cameras: {missing}"),
+            None => "looking for cameras".to_owned(),
+        };
+        self.say(&hang.unwrap_or_else(words));
+    }
+
+    /// Tells of life where everything has moved since the last look; `is_met` says whether the service is then ready. What hangs, in
+    /// words, where something has done so for long.
+    fn attend(&mut self, vitals: Vitals, is_met: bool) -> Option<String> {
         let now = Instant::now();
         self.looked = Some(now);
         let hanging = self.moved.as_ref().map_or(Vec::new(), |(_, before)| vitals.hanging_since(before));
         if hanging.is_empty() {
             self.moved = Some((now, vitals));
             self.is_hang_told = false;
-            self.live(standing.daemon);
+            self.live(is_met);
         } else {
             self.worry(&hanging.join(", "));
         }
-        let words = if self.is_hang_told {
-            format!("hangs: {} does not move", hanging.join(", "))
-        } else {
-            status(standing, (!self.is_ready).then_some(self.ready_when))
-        };
-        self.say(&words);
+        self.is_hang_told.then(|| format!("hangs: {} does not move", hanging.join(", ")))
     }
 
     /// Everything moves.
-    fn live(&mut self, daemon: &Snapshot) {
-        let is_ready = match self.ready_when {
-            ReadyWhen::Started => true,
-            ReadyWhen::Cameras => daemon.cameras_streaming == daemon.cameras,
-            ReadyWhen::Calibrated => daemon.state == State::Converged,
-        };
-        if is_ready && !self.is_ready {
+    fn live(&mut self, is_met: bool) {
+        if is_met && !self.is_ready {
             self.is_ready = true;
             self.manager.tell(Notice::Ready);
         }
@@ -265,6 +299,34 @@ mod tests {
             );
             assert_eq!(ready_after(&daemon(0)), expected[2], "once ready, always ready");
         }
+    }
+
+    #[test]
+    fn a_daemon_that_waits_for_cameras_is_ready_by_the_policy_started_alone() {
+        for (ready_when, expected) in
+            [(ReadyWhen::Started, true), (ReadyWhen::Cameras, false), (ReadyWhen::Calibrated, false)]
+        {
+            let mut supervisor = supervisor(ready_when);
+            supervisor.look_at_opening(&Opening::Loading);
+            supervisor.look_at_opening(&Opening::Looking { turns: 1, missing: None });
+            assert!(!supervisor.is_ready, "nobody knows yet what is there");
+            supervisor.look_at_opening(&Opening::Looking { turns: 2, missing: Some("two cameras") });
+            assert_eq!(supervisor.is_ready, expected, "{ready_when:?}");
+            assert_eq!(supervisor.status, "waiting for cameras: two cameras");
+        }
+    }
+
+    #[test]
+    fn a_search_for_cameras_that_stands_is_no_sign_of_life() {
+        let mut supervisor = supervisor(ReadyWhen::Started);
+        let looking = |turns| Opening::Looking { turns, missing: Some("two cameras") };
+        let mark = |supervisor: &Supervisor| supervisor.moved.clone().expect("looked").0;
+        supervisor.look_at_opening(&looking(5));
+        let moved = mark(&supervisor);
+        supervisor.look_at_opening(&looking(5));
+        assert_eq!(mark(&supervisor), moved);
+        supervisor.look_at_opening(&looking(6));
+        assert!(mark(&supervisor) > moved);
     }
 
     #[test]

@@ -1,12 +1,14 @@
 //! The built programs with this back end: without a camera, and with recordings that the SDK plays.
 
+use std::os::unix::net::UnixDatagram;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use pelical::capture::recording::Recording;
 use pelical::capture::{RgbdFrame, StampNs};
 use serde_json::Value;
 
-use crate::env::{TestEnv, poll};
+use crate::env::{Running, TestEnv, poll};
 use crate::scenes::{N_FRAMES, SERIALS, script, stamp_ms, two_cameras};
 
 fn states(status: &Value) -> Vec<&str> {
@@ -33,11 +35,55 @@ fn the_daemon_starts_without_its_cameras_and_waits() {
     daemon.wait().expect_code(0);
 }
 
+/// Waits until something like each of these is told, in this order.
+#[track_caller]
+fn expect_told(manager: &UnixDatagram, expected: &[&str], daemon: &Running) {
+    let mut told: Vec<String> = Vec::new();
+    for what in expected {
+        poll(|| {
+            let mut buffer = [0; 4096];
+            let length = manager.recv(&mut buffer).ok()?;
+            told.push(String::from_utf8(buffer[..length].to_vec()).unwrap());
+            told.last().is_some_and(|last| last.contains(what)).then_some(())
+        })
+        .unwrap_or_else(|| panic!("{what:?} was not told, but {told:#?}; {}", daemon.talk()));
+    }
+}
+
+/// A daemon whose cameras nobody named, and its service manager; `more` is for its config.
+fn waiting_daemon(env: &TestEnv, more: &str) -> (Running, UnixDatagram) {
+    let path = env.path("notify");
+    let manager = UnixDatagram::bind(&path).unwrap();
+    manager.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+    let variables = [("NOTIFY_SOCKET", path.to_str().unwrap()), ("WATCHDOG_USEC", "4000000")];
+    let config = env.config(&format!("cameras: {{backend: realsense{more}}}\n"));
+    (env.start_daemon_with(&config, &variables), manager)
+}
+
 #[test]
-fn the_daemon_waits_for_cameras_that_nobody_named() {
+fn a_daemon_that_waits_for_cameras_that_nobody_named_is_ready_alive_reloads_and_answers() {
     let env = TestEnv::new();
-    let daemon = env.start_daemon(&env.config("cameras: {backend: realsense}\n"));
-    poll(|| daemon.talk().contains("cameras are waited for").then_some(())).expect("it says so");
+    let (daemon, manager) = waiting_daemon(&env, "");
+    expect_told(&manager, &["READY=1", "STATUS=waiting for cameras", "WATCHDOG=1", "WATCHDOG=1"], &daemon);
+    let status = env.pelical(&["status", "--json"]).expect_code(0).json();
+    assert_eq!(status["activity"], "starting");
+    let refused = env.pelical(&["recalibrate", "--json"]).expect_code(1).json();
+    let sentence = refused["reason"]["sentence"].as_str().unwrap();
+    assert!(sentence.contains("waits for its cameras") && sentence.contains("plug one in"), "{sentence}");
+    daemon.signal("HUP");
+    expect_told(&manager, &["RELOADING=1", "READY=1", "WATCHDOG=1"], &daemon);
+    assert_eq!(daemon.talk().matches("cameras are waited for").count(), 1, "{}", daemon.talk());
+    daemon.signal("TERM");
+    expect_told(&manager, &["STOPPING=1"], &daemon);
+    daemon.wait().expect_code(0);
+}
+
+#[test]
+fn a_start_that_is_ready_with_its_cameras_is_extended_while_it_waits_for_them() {
+    let env = TestEnv::new();
+    let (daemon, manager) = waiting_daemon(&env, ", reference: front}\nservice: {ready_when: cameras");
+    let extended = "EXTEND_TIMEOUT_USEC=";
+    expect_told(&manager, &[extended, "STATUS=waiting for cameras", extended, extended], &daemon);
     daemon.signal("TERM");
     daemon.wait().expect_code(0);
 }

@@ -139,6 +139,10 @@ pub struct Script {
     /// Rotation, column-major, and translation, m.
     pub color_from_depth: ([f32; 9], [f32; 3]),
     pub depth_unit_m: f32,
+    /// Of colour and depth, as the recording declares it.
+    pub rate_hz: i32,
+    /// How far behind its colour a depth image is.
+    pub depth_late_ms: f64,
     /// The first is pushed three times before: the SDK loses what comes while its streams start.
     pub frames: Vec<Moment>,
     pub usb: &'static str,
@@ -239,7 +243,7 @@ fn add_streams(script: &Script, device: *mut sys::rs2_device) -> Streams {
             id,
             width: lens.size.0,
             height: lens.size.1,
-            rate_hz: 30,
+            rate_hz: script.rate_hz,
             bytes_per_pixel,
             format,
             intrinsics: lens.intrinsics(),
@@ -276,7 +280,7 @@ fn add_streams(script: &Script, device: *mut sys::rs2_device) -> Streams {
 fn push_all(script: &Script, streams: &Streams) -> Vec<Moment> {
     let first = script.frames.first().expect("a frame to record");
     let warm_up = (1..4).rev().map(|lead| {
-        let stamp_ms = first.stamp_ms - 33.0 * f64::from(lead);
+        let stamp_ms = first.stamp_ms - 990.0 / f64::from(script.rate_hz) * f64::from(lead);
         Moment { stamp_ms, gyro: Vec::new(), accel: Vec::new(), ..first.clone() }
     });
     let mut moments: Vec<Moment> = warm_up.chain(script.frames.iter().cloned()).collect();
@@ -298,22 +302,26 @@ fn push_all(script: &Script, streams: &Streams) -> Vec<Moment> {
             }
         }
         let stamp_ms = moment.stamp_ms;
-        let image = |pixels: *mut c_void, (width, bytes_per_pixel): (c_int, c_int), profile| VideoFrameIn {
-            pixels,
-            deleter: Some(written),
-            stride: width * bytes_per_pixel,
-            bytes_per_pixel,
-            timestamp_ms: stamp_ms,
-            domain: sys::rs2_timestamp_domain_RS2_TIMESTAMP_DOMAIN_HARDWARE_CLOCK,
-            number,
-            profile,
-            depth_unit_m: script.depth_unit_m,
-        };
+        let image =
+            |pixels: *mut c_void,
+             (lens, bytes_per_pixel): (&Lens, c_int),
+             (profile, late_ms): (*mut sys::rs2_stream_profile, f64)| VideoFrameIn {
+                pixels,
+                deleter: Some(written),
+                stride: lens.size.0 * bytes_per_pixel,
+                bytes_per_pixel,
+                timestamp_ms: stamp_ms + late_ms,
+                domain: sys::rs2_timestamp_domain_RS2_TIMESTAMP_DOMAIN_HARDWARE_CLOCK,
+                number,
+                profile,
+                depth_unit_m: script.depth_unit_m,
+            };
         wait_for_the_writer();
-        let depth = image(moment.depth.as_mut_ptr().cast(), (script.depth.size.0, 2), streams.depth.1);
+        let late = (streams.depth.1, script.depth_late_ms);
+        let depth = image(moment.depth.as_mut_ptr().cast(), (&script.depth, 2), late);
         sdk!(rs2_software_sensor_on_video_frame, streams.depth.0, depth);
         wait_for_the_writer();
-        let color = image(moment.rgb.as_mut_ptr().cast(), (script.color.size.0, 3), streams.color.1);
+        let color = image(moment.rgb.as_mut_ptr().cast(), (&script.color, 3), (streams.color.1, 0.0));
         sdk!(rs2_software_sensor_on_video_frame, streams.color.0, color);
     }
     moments

@@ -32,6 +32,8 @@ pub fn script(serial: &str, seed: usize) -> Script {
         depth: lens(DEPTH, sys::rs2_distortion_RS2_DISTORTION_BROWN_CONRADY),
         color_from_depth: ([cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0], [0.0149, 0.0001, -0.0002]),
         depth_unit_m: 0.0005,
+        rate_hz: 30,
+        depth_late_ms: 0.0,
         frames: (0..N_FRAMES).map(|number| moment(number, seed)).collect(),
         usb: "3.2",
     }

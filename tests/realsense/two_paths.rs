@@ -11,33 +11,55 @@ use pelical::pipeline::offline::{FrameSetReader, run_offline};
 use pelical::solver::{RigCamera, State};
 use tempfile::tempdir;
 
-use crate::scenes::{N_FRAMES, SERIALS, all_frames, factory, two_cameras};
+use crate::recorder::{Script, record};
+use crate::scenes::{N_FRAMES, SERIALS, all_frames, factory, script, stamp_ms, two_cameras};
+
+/// Fails unless both give the same frames of this camera, and as many as were recorded.
+#[track_caller]
+fn check_same_frames(serial: &str, path: &Path) {
+    let by_sdk = all_frames(&factory(&[path.to_owned()]), serial);
+    let recording = Recording::open(path).unwrap();
+    // The SDK may lose what the recorder was warmed up with, which stands in front.
+    let n_common = by_sdk.len().min(recording.frame_sets().len());
+    assert!(n_common >= N_FRAMES, "{n_common} frames");
+    let sets = recording.frame_sets().iter().rev().take(n_common);
+    for (set, theirs) in sets.zip(by_sdk.iter().rev()) {
+        let mut ours = RgbdFrame::default();
+        recording.read_frame(0, set[0], &mut ours).unwrap();
+        assert_eq!(ours.stamp, theirs.stamp);
+        assert_eq!((ours.width, ours.height), (theirs.width, theirs.height));
+        assert_eq!(ours.rgb, theirs.rgb, "{serial} at {:?}", ours.stamp);
+        assert_eq!(ours.depth, theirs.depth, "{serial} at {:?}", ours.stamp);
+        // What the recorder was warmed up with has no samples; summed in another order, the last bit of a norm may differ.
+        let rates =
+            [&ours, theirs].map(|frame| frame.turn_rate.map(|rate| (rate.max_rad_per_s * 1e9).round()));
+        assert_eq!(rates[0], rates[1], "{serial} at {:?}", ours.stamp);
+        assert_eq!(ours.depth_unit_m, theirs.depth_unit_m);
+    }
+}
 
 #[test]
 fn the_sdk_and_the_reader_without_it_give_the_same_bytes_stamps_and_turns() {
     let folder = tempdir().unwrap();
-    let paths = two_cameras(folder.path());
-    let factory = factory(&paths);
-    for (serial, path) in SERIALS.into_iter().zip(&paths) {
-        let by_sdk = all_frames(&factory, serial);
-        let recording = Recording::open(path).unwrap();
-        // The SDK may lose what the recorder was warmed up with, which stands in front.
-        let n_common = by_sdk.len().min(recording.frame_sets().len());
-        assert!(n_common >= N_FRAMES, "{n_common} frames");
-        let sets = recording.frame_sets().iter().rev().take(n_common);
-        for (set, theirs) in sets.zip(by_sdk.iter().rev()) {
-            let mut ours = RgbdFrame::default();
-            recording.read_frame(0, set[0], &mut ours).unwrap();
-            assert_eq!(ours.stamp, theirs.stamp);
-            assert_eq!((ours.width, ours.height), (theirs.width, theirs.height));
-            assert_eq!(ours.rgb, theirs.rgb, "{serial} at {:?}", ours.stamp);
-            assert_eq!(ours.depth, theirs.depth, "{serial} at {:?}", ours.stamp);
-            // What the recorder was warmed up with has no samples; summed in another order, the last bit of a norm may differ.
-            let rates =
-                [&ours, theirs].map(|frame| frame.turn_rate.map(|rate| (rate.max_rad_per_s * 1e9).round()));
-            assert_eq!(rates[0], rates[1], "{serial} at {:?}", ours.stamp);
-            assert_eq!(ours.depth_unit_m, theirs.depth_unit_m);
+    for (serial, path) in SERIALS.into_iter().zip(&two_cameras(folder.path())) {
+        check_same_frames(serial, path);
+    }
+}
+
+#[test]
+fn depth_that_is_late_by_less_than_half_a_frame_is_paired_by_both_at_every_rate() {
+    let folder = tempdir().unwrap();
+    // More than half a frame of any faster stream, and of either side.
+    for (rate_hz, depth_late_ms) in [(15, 25.0), (15, -30.0), (6, 80.0), (60, 5.0)] {
+        let path = folder.path().join(format!("{rate_hz}hz{depth_late_ms}.bag"));
+        let mut script = Script { rate_hz, depth_late_ms, ..script(SERIALS[0], 0) };
+        for (number, moment) in script.frames.iter_mut().enumerate() {
+            let shift_ms = 1000.0 / f64::from(rate_hz) * number as f64 - (stamp_ms(number) - stamp_ms(0));
+            moment.stamp_ms += shift_ms;
+            moment.gyro.iter_mut().chain(&mut moment.accel).for_each(|(stamp_ms, _)| *stamp_ms += shift_ms);
         }
+        record(&script, &path);
+        check_same_frames(SERIALS[0], &path);
     }
 }
 

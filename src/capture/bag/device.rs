@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::file::{BagFile, Place};
 use super::message::{self, GyroSample, Image};
 use super::topic::{Part, Stream, Topic};
+use crate::capture::realsense::depth_unit::depth_unit_m;
 use crate::capture::recording::check_housing;
 use crate::capture::{CameraInfo, CaptureError};
 use crate::geometry::motion::Motion;
@@ -23,8 +24,8 @@ const MAX_ABOUT_BYTES: usize = 256;
 pub(super) struct Device {
     serial: Option<String>,
     firmware: Option<String>,
-    /// m, by sensor.
-    depth_units: BTreeMap<u32, f64>,
+    /// m, by sensor, as the SDK tells them.
+    depth_units: BTreeMap<u32, f32>,
     pub(super) color: ImageStream,
     pub(super) depth: ImageStream,
     pub(super) gyro: Vec<(Place, GyroSample)>,
@@ -34,6 +35,8 @@ pub(super) struct Device {
 #[derive(Debug, Default)]
 pub(super) struct ImageStream {
     sensor: u32,
+    /// As it was asked for; `None` where the bag does not say.
+    pub(super) rate_hz: Option<u32>,
     camera: Option<Camera>,
     /// Group and motion into this stream's frame.
     stream_from_group: Option<(u32, Motion)>,
@@ -102,7 +105,7 @@ impl Device {
                 }
             }
             Topic::DepthUnit { sensor, .. } => {
-                self.depth_units.insert(sensor, round_trip(message::number(message)?));
+                self.depth_units.insert(sensor, message::number(message)?);
             }
             Topic::Gyro { .. } => self.gyro.push((place, GyroSample::parse(message)?)),
             Topic::Image { sensor, stream, part, .. } => {
@@ -125,16 +128,11 @@ impl Device {
             })
         };
         let (color, depth) = (of(&self.color, "colour")?, of(&self.depth, "depth")?);
-        let depth_unit_m = self.depth_units.get(&self.depth.sensor).copied().ok_or_else(|| {
+        let depth_unit = self.depth_units.get(&self.depth.sensor).copied().ok_or_else(|| {
             format!(
                 "camera \"{name}\" has no depth unit: the option Depth Units of its depth sensor is missing"
             )
         })?;
-        if !(depth_unit_m > 0.0 && depth_unit_m <= 1.0) {
-            return Err(format!(
-                "camera \"{name}\" has a depth unit of {depth_unit_m} m; above 0 and at most 1 is allowed"
-            ));
-        }
         Ok(CameraInfo {
             name: name.to_owned(),
             serial: self.serial().unwrap_or(name).to_owned(),
@@ -142,7 +140,7 @@ impl Device {
             depth_camera: self
                 .depth_camera(&color, depth)
                 .map_err(|what| format!("camera \"{name}\": {what}"))?,
-            depth_unit_m,
+            depth_unit_m: depth_unit_m(depth_unit).map_err(|what| format!("camera \"{name}\" has {what}"))?,
             firmware: self.firmware.clone(),
         })
     }
@@ -180,6 +178,7 @@ impl Device {
 impl ImageStream {
     fn take(&mut self, place: Place, part: Part, message: &[u8]) -> Result<(), String> {
         match part {
+            Part::Info => self.rate_hz = Some(message::rate_hz(message)?),
             Part::CameraInfo => self.camera = Some(message::camera(message)?),
             Part::Extrinsics { group } => {
                 self.stream_from_group = Some((group, message::motion(message)?));
@@ -200,9 +199,4 @@ impl ImageStream {
         }
         Ok(())
     }
-}
-
-/// The number that was meant by an f32: 0.001, not 0.0010000000474974513.
-fn round_trip(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or(f64::from(value))
 }

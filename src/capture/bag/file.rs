@@ -15,7 +15,7 @@ use super::topic::Topic;
 use crate::capture::CaptureError;
 
 /// Where a message stands in a bag; later ones are greater.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Place {
     chunk: u32,
     nth: u32,

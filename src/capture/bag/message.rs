@@ -52,6 +52,11 @@ impl<'a> Image<'a> {
     }
 }
 
+/// `realsense_msgs/StreamInfo`: the rate that the stream was asked for, Hz.
+pub(super) fn rate_hz(message: &[u8]) -> Result<u32, String> {
+    Fields(message).u32()
+}
+
 /// `sensor_msgs/CameraInfo`: size, K and D, which the SDK fills for every lens.
 pub(super) fn camera(message: &[u8]) -> Result<Camera, String> {
     let mut fields = Fields(message);

@@ -1,13 +1,13 @@
 //! One clock for all images: counters that wrap, depth beside its colour, and cameras whose own clocks know nothing of each other.
 
-use super::device::{Device, Stamped};
+use super::device::{Device, ImageStream, Stamped};
 use super::file::Place;
 use crate::capture::frame::TurnRate;
+use crate::capture::realsense::clock::{WRAP_NS, WrappingClock};
+use crate::capture::realsense::pairing::{self, MaxGap};
 
-/// ns; hardware counts microseconds in 32 bits.
-const WRAP_NS: i64 = (1 << 32) * 1_000;
-/// ns; depth that is further from its colour belongs to another frame: half the time between frames at 30 Hz.
-const MAX_DEPTH_GAP_NS: i64 = 17_000_000;
+/// Of a stream that does not say it and is too short to tell.
+const USUAL_RATE_HZ: f64 = 30.0;
 /// ns; frames of two cameras that are further apart do not even begin to be one set. What is too far is up to the sync limit.
 const MAX_SET_GAP_NS: i64 = 50_000_000;
 /// ns; how long before the first frame the gyro counts.
@@ -34,33 +34,51 @@ pub(super) fn unwrap(device: &mut Device) {
         return;
     }
     stamps.sort_unstable_by_key(|(place, _)| *place);
-    let (mut wraps, mut last_ns) = (0, stamps.first().map_or(0, |(_, stamp)| **stamp));
+    let mut clock = WrappingClock::default();
     for (_, stamp) in stamps {
-        let counted_ns = *stamp;
-        if counted_ns < last_ns - WRAP_NS / 2 {
-            wraps += 1;
-        } else if wraps > 0 && counted_ns > last_ns + WRAP_NS / 2 {
-            // From before the wrap, and late.
-            wraps -= 1;
-        }
-        last_ns = counted_ns;
-        *stamp += wraps * WRAP_NS;
+        *stamp = clock.unwrapped(*stamp);
     }
 }
 
-/// The frames of a device in increasing order: every colour image that has a depth image near it, each used once.
+/// The frames of a device in increasing order: colour and depth of one moment, each used once.
 pub(super) fn frames(device: &Device) -> Vec<BagFrame> {
     let (color, depth) = (increasing(&device.color.images), increasing(&device.depth.images));
-    let stamps = |images: &[Stamped]| images.iter().map(|image| image.stamp_ns).collect::<Vec<_>>();
-    let partners = nearest_partners(&stamps(&color), &stamps(&depth), MAX_DEPTH_GAP_NS);
-    let mut rates = TurnRates::new(device);
-    let frame = |(image, partner): (&Stamped, Option<usize>)| {
-        // Asked for every image: its interval ends here, with or without depth.
-        let turn_rate = rates.until(image.stamp_ns);
-        let depth = depth.get(partner?)?.place;
-        Some(BagFrame { stamp_ns: image.stamp_ns, color: image.place, depth, turn_rate })
+    let max_gap = MaxGap::for_rate(rate_hz(&device.color, &color));
+    let (mut colors, mut depths) = (color.iter().peekable(), depth.iter().peekable());
+    let (mut frames, mut rates) = (Vec::new(), TurnRates::new(device));
+    while let (Some(color), Some(depth)) = (colors.peek(), depths.peek()) {
+        let too_old = max_gap.too_old(color.stamp_ns, depth.stamp_ns);
+        if too_old.is_none() {
+            let turn_rate = rates.until(color.stamp_ns);
+            frames.push(BagFrame {
+                stamp_ns: color.stamp_ns,
+                color: color.place,
+                depth: depth.place,
+                turn_rate,
+            });
+        }
+        if too_old != Some(pairing::Stream::Depth) {
+            colors.next();
+        }
+        if too_old != Some(pairing::Stream::Color) {
+            depths.next();
+        }
+    }
+    frames
+}
+
+/// As the bag says, else by the median of the time between images.
+fn rate_hz(stream: &ImageStream, images: &[Stamped]) -> f64 {
+    if let Some(rate_hz) = stream.rate_hz.filter(|rate_hz| *rate_hz > 0) {
+        return f64::from(rate_hz);
+    }
+    let gap_ns = |pair: &[Stamped]| match pair {
+        [a, b] => b.stamp_ns.saturating_sub(a.stamp_ns),
+        _ => 0,
     };
-    color.iter().zip(partners).filter_map(frame).collect()
+    let mut gaps_ns: Vec<i64> = images.windows(2).map(gap_ns).collect();
+    gaps_ns.sort_unstable();
+    gaps_ns.get(gaps_ns.len() / 2).map_or(USUAL_RATE_HZ, |gap_ns| 1e9 / (*gap_ns).max(1) as f64)
 }
 
 /// ns to add to stamps of the device's own clock so that they count since 1970: the least delay of all its images. `None` where
@@ -146,6 +164,33 @@ impl TurnRates {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn image(ms: i64) -> Stamped {
+        Stamped { place: Place::default(), stamp_ns: 1_000_000 * ms, arrival_ns: None }
+    }
+
+    #[test]
+    fn depth_belongs_to_colour_within_half_a_frame_of_the_declared_or_else_the_usual_interval() {
+        let device = |rate_hz, interval_ms: i64, late_ms: i64| {
+            let mut device = Device::default();
+            device.color.rate_hz = rate_hz;
+            device.color.images = (1..10).map(|number| image(number * interval_ms)).collect();
+            device.depth.images = (1..10).map(|number| image(number * interval_ms + late_ms)).collect();
+            device
+        };
+        for (rate_hz, interval_ms, late_ms, n_frames) in [
+            (Some(15), 66, 25, 9),
+            (Some(15), 66, -25, 9),
+            (None, 66, 25, 9),
+            (Some(0), 66, 25, 9),
+            (Some(30), 66, 25, 0),
+            (Some(30), 33, 16, 9),
+            (Some(90), 11, 5, 9),
+        ] {
+            let case = format!("{rate_hz:?} Hz, {interval_ms} ms, {late_ms} ms");
+            assert_eq!(frames(&device(rate_hz, interval_ms, late_ms)).len(), n_frames, "{case}");
+        }
+    }
 
     #[test]
     fn partners_are_the_nearest_of_both_sides_and_none_is_used_twice() {

@@ -45,6 +45,8 @@ pub(super) enum Stream {
 /// What is recorded about a stream of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
+    /// Rate and format.
+    Info,
     /// Intrinsics.
     CameraInfo,
     /// Where the stream's imager stands, seen from the one that all extrinsics of this group refer to.
@@ -77,6 +79,7 @@ impl Topic {
                     _ => return None,
                 };
                 let part = match *part {
+                    ["info"] => Part::Info,
                     ["info", "camera_info"] => Part::CameraInfo,
                     ["tf", group] => Part::Extrinsics { group: group.parse().ok()? },
                     ["image", "data"] => Part::Data,
@@ -105,6 +108,7 @@ mod tests {
             ("/device_0/info", Some(Topic::Device { device: 0 })),
             ("/device_2/sensor_1/option/Depth_Units/value", Some(Topic::DepthUnit { device: 2, sensor: 1 })),
             ("/device_2/sensor_1/Color_0/image/data", image(Stream::Color, Part::Data)),
+            ("/device_2/sensor_1/Color_0/info", image(Stream::Color, Part::Info)),
             ("/device_2/sensor_1/Depth_0/info/camera_info", image(Stream::Depth, Part::CameraInfo)),
             ("/device_2/sensor_1/Depth_0/tf/1", image(Stream::Depth, Part::Extrinsics { group: 1 })),
             ("/device_2/sensor_1/Depth_0/image/metadata", image(Stream::Depth, Part::Metadata)),

@@ -30,8 +30,8 @@ impl WrappingClock {
 
 /// The stamp in that round of the counter in which it is nearest to `last_ns`, but never before round 0.
 fn nearest(stamp_ns: i64, last_ns: i64) -> i64 {
-    let rounds = (last_ns - stamp_ns + WRAP_NS / 2).div_euclid(WRAP_NS).max(0);
-    stamp_ns + rounds * WRAP_NS
+    let rounds = last_ns.saturating_sub(stamp_ns).saturating_add(WRAP_NS / 2).div_euclid(WRAP_NS).max(0);
+    stamp_ns.saturating_add(rounds.saturating_mul(WRAP_NS))
 }
 
 #[cfg(test)]

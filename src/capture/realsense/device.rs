@@ -7,8 +7,10 @@ use realsense_rust::device::Device;
 use realsense_rust::kind::{Rs2CameraInfo, Rs2Format, Rs2Option, Rs2StreamKind};
 use realsense_rust::stream_profile::StreamProfile;
 
+use super::depth_unit::depth_unit_m;
 use super::extrinsics::color_from_depth;
 use super::lens::{self, Intrinsics};
+use super::obstacle::Obstacle;
 use super::options::{RealsenseOptions, VideoMode};
 use super::raw::{DeviceSensor, ProfileList};
 use crate::capture::CameraInfo;
@@ -56,19 +58,22 @@ pub(super) fn serial(device: &Device) -> String {
     text(device, Rs2CameraInfo::SerialNumber)
 }
 
-/// Looks at a device without starting it; the error is a sentence.
-pub(super) fn plan(device: &Device, options: &RealsenseOptions) -> Result<DevicePlan, String> {
-    let sensors = DeviceSensor::all(device)?;
-    let lists: Vec<ProfileList> = sensors.iter().map(DeviceSensor::profiles).collect::<Result<_, _>>()?;
+/// Looks at a device without starting it.
+pub(super) fn plan(device: &Device, options: &RealsenseOptions) -> Result<DevicePlan, Obstacle> {
+    let sensors = DeviceSensor::all(device).map_err(Obstacle::told)?;
+    let lists = sensors.iter().map(DeviceSensor::profiles).collect::<Result<Vec<ProfileList>, _>>();
+    let lists = lists.map_err(Obstacle::told)?;
+    let find = |lists: &[ProfileList], wanted: &Wanted| find(lists, wanted).map_err(Obstacle::Refusal);
     let is_live = options.playback.is_empty();
     let video = |kind, format, mode| Wanted { kind, format, mode: is_live.then_some(mode) };
     let color = find(&lists, &video(Rs2StreamKind::Color, Rs2Format::Rgb8, options.color))?;
     let depth = find(&lists, &video(Rs2StreamKind::Depth, Rs2Format::Z16, options.depth))?;
     let imu = Wanted { kind: Rs2StreamKind::Gyro, format: Rs2Format::MotionXyz32F, mode: None };
     let gyro = options.gyro.then(|| find(&lists, &imu).ok()).flatten();
-    let depth_unit_m =
+    let unit =
         sensors.get(depth.sensor).and_then(|sensor| sensor.options().get_option(Rs2Option::DepthUnits));
-    let info = camera_info(device, (&color.profile, &depth.profile), depth_unit_m)?;
+    let unit = unit.ok_or_else(|| Obstacle::Failure("it does not say what a depth count is".to_owned()))?;
+    let info = camera_info(device, (&color.profile, &depth.profile), unit)?;
     let rate_hz = f64::from(color.profile.framerate().max(1));
     let found: Vec<Found> = [Some(color), Some(depth), gyro].into_iter().flatten().collect();
     Ok(DevicePlan { info, sensors: by_sensor(sensors, lists, &found), rate_hz })
@@ -126,30 +131,25 @@ fn mode_of(profile: &StreamProfile) -> Option<VideoMode> {
 fn camera_info(
     device: &Device,
     (color, depth): (&StreamProfile, &StreamProfile),
-    depth_unit_m: Option<f32>,
-) -> Result<CameraInfo, String> {
+    depth_unit: f32,
+) -> Result<CameraInfo, Obstacle> {
     let serial = serial(device);
     if serial.is_empty() {
-        return Err("it has no serial number".to_owned());
+        return Err(Obstacle::Refusal("it has no serial number".to_owned()));
     }
-    let extrinsics = depth.extrinsics(color).map_err(|error| error.to_string())?;
-    let color_from_depth =
-        color_from_depth(extrinsics.rotation(), extrinsics.translation()).ok_or_else(|| {
-            format!("its extrinsics from depth to colour are not a rigid motion: {extrinsics:?}")
-        })?;
-    let depth_unit_m = depth_unit_m.filter(|unit_m| unit_m.is_finite() && *unit_m > 0.0 && *unit_m <= 1.0);
-    // The shortest decimal of a single-precision number: 0.001, and not 0.0010000000474974513.
-    let depth_unit_m = depth_unit_m.and_then(|unit_m| unit_m.to_string().parse().ok());
+    let extrinsics = depth.extrinsics(color).map_err(Obstacle::told)?;
+    let color_from_depth = color_from_depth(extrinsics.rotation(), extrinsics.translation());
+    let depth_camera = DepthCamera {
+        camera: camera(depth).map_err(|obstacle| obstacle.about("depth"))?,
+        color_from_depth: color_from_depth.map_err(Obstacle::Refusal)?,
+    };
     let firmware = text(device, Rs2CameraInfo::FirmwareVersion);
     Ok(CameraInfo {
         name: name(&text(device, Rs2CameraInfo::Name), &serial),
         serial,
-        camera: camera(color).map_err(|what| format!("colour: {what}"))?,
-        depth_camera: Some(DepthCamera {
-            camera: camera(depth).map_err(|what| format!("depth: {what}"))?,
-            color_from_depth,
-        }),
-        depth_unit_m: depth_unit_m.ok_or("it does not say what a depth count is")?,
+        camera: camera(color).map_err(|obstacle| obstacle.about("colour"))?,
+        depth_camera: Some(depth_camera),
+        depth_unit_m: depth_unit_m(depth_unit).map_err(Obstacle::Refusal)?,
         firmware: (!firmware.is_empty()).then_some(firmware),
     })
 }
@@ -160,8 +160,8 @@ fn name(model: &str, serial: &str) -> String {
     format!("{}-{serial}", last.to_lowercase())
 }
 
-fn camera(profile: &StreamProfile) -> Result<Camera, String> {
-    let intrinsics = profile.intrinsics().map_err(|error| error.to_string())?;
+fn camera(profile: &StreamProfile) -> Result<Camera, Obstacle> {
+    let intrinsics = profile.intrinsics().map_err(Obstacle::told)?;
     let side = |px: usize| u32::try_from(px).unwrap_or(u32::MAX);
     let found = Intrinsics {
         size_px: (side(intrinsics.width()), side(intrinsics.height())),
@@ -175,5 +175,5 @@ fn camera(profile: &StreamProfile) -> Result<Camera, String> {
         model: intrinsics.0.model,
         coeffs: intrinsics.0.coeffs.map(f64::from),
     };
-    lens::camera(&found).map_err(|error| error.to_string())
+    lens::camera(&found).map_err(|error| Obstacle::Refusal(error.to_string()))
 }

@@ -2,23 +2,32 @@
 
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
+use crate::capture::recording::check_housing;
 use crate::geometry::motion::Motion;
 
 /// How far a matrix may be from a rotation, per entry of `RᵀR`: single precision leaves 1e-6.
 const MAX_SKEWNESS: f64 = 1e-3;
-/// How far the two may stand apart, m: they share a housing.
-const MAX_BASELINE_M: f64 = 0.5;
 
-/// The motion with this rotation, column-major, and translation, m; `None` where they are not those of two imagers of one camera.
-pub fn color_from_depth(rotation: [f32; 9], translation: [f32; 3]) -> Option<Motion> {
+/// The motion with this rotation, column-major, and translation, m.
+///
+/// # Errors
+/// When they are no motion, or not one of two imagers of one camera.
+pub fn color_from_depth(rotation: [f32; 9], translation: [f32; 3]) -> Result<Motion, String> {
     let matrix = Matrix3::from_column_slice(&rotation.map(f64::from));
     let translation = Vector3::from(translation.map(f64::from));
     let skewness = (matrix.transpose() * matrix - Matrix3::identity()).amax();
     let is_rotation = skewness <= MAX_SKEWNESS && matrix.determinant() > 0.0;
-    (is_rotation && translation.norm() <= MAX_BASELINE_M).then(|| {
-        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
-        Motion::from_parts(Translation3::from(translation), rotation)
-    })
+    if !(is_rotation && translation.norm().is_finite()) {
+        return Err(format!(
+            "the extrinsics from depth to colour are no motion: rotation {:?}, translation {:?}",
+            matrix.as_slice(),
+            translation.as_slice()
+        ));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
+    let motion = Motion::from_parts(Translation3::from(translation), rotation);
+    check_housing(&motion)?;
+    Ok(motion)
 }
 
 #[cfg(test)]
@@ -40,7 +49,11 @@ mod tests {
     #[test]
     fn what_is_no_rotation_or_no_housing_is_refused() {
         const UNIT: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        // A quarter turn about z.
+        const TURNED: [f32; 9] = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let color_from_depth = |rotation, translation| color_from_depth(rotation, translation).ok();
         assert!(color_from_depth(UNIT, [0.015, 0.0, 0.0]).is_some());
+        assert!(color_from_depth(TURNED, [0.015, 0.0, 0.0]).is_none(), "as a recording with it is refused");
         assert!(color_from_depth(UNIT.map(|value| -value), [0.0; 3]).is_none(), "a mirror");
         assert!(color_from_depth([0.0; 9], [0.0; 3]).is_none(), "never set");
         assert!(color_from_depth(UNIT.map(|value| 1.01 * value), [0.0; 3]).is_none());

@@ -11,6 +11,7 @@ use realsense_rust::device::Device;
 use realsense_rust::kind::Rs2CameraInfo;
 
 use super::device;
+use super::left_out::LeftOut;
 use super::options::RealsenseOptions;
 use super::source::RealsenseSource;
 use crate::capture::{CameraInfo, CaptureError, DeviceFactory, FrameSource};
@@ -19,6 +20,7 @@ use crate::capture::{CameraInfo, CaptureError, DeviceFactory, FrameSource};
 pub struct RealsenseFactory {
     options: RealsenseOptions,
     contexts: Contexts,
+    left_out: LeftOut,
 }
 
 /// Contexts that nobody uses now. Making one takes 0.1 s; one that hangs in a device is never given back, so that it blocks
@@ -72,7 +74,7 @@ impl Session {
 impl RealsenseFactory {
     /// A factory with these options; nothing is opened yet.
     pub fn new(options: RealsenseOptions) -> Self {
-        Self { options, contexts: Contexts::default() }
+        Self { options, contexts: Contexts::default(), left_out: LeftOut::default() }
     }
 
     /// The recording of this serial number, or all of them.
@@ -97,8 +99,16 @@ impl RealsenseFactory {
         let mut cameras = Vec::new();
         for (serial, device) in session.devices() {
             match device::plan(&device, &self.options) {
-                Ok(plan) => cameras.push(plan.info),
-                Err(what) => tracing::warn!(serial, "camera is left out: {what}"),
+                Ok(plan) => {
+                    self.left_out.is_news(&serial, None);
+                    cameras.push(plan.info);
+                }
+                Err(obstacle) => {
+                    let what = obstacle.sentence();
+                    if self.left_out.is_news(&serial, Some(what)) {
+                        tracing::warn!(serial, "camera is left out: {what}");
+                    }
+                }
             }
         }
         Ok(cameras)
@@ -108,7 +118,7 @@ impl RealsenseFactory {
         let recordings = self.recordings()?;
         let info = |(serial, recording): &(String, Recording)| {
             let plan = device::plan(&recording.device, &self.options);
-            plan.map(|plan| plan.info).map_err(|what| CaptureError::device(serial, what))
+            plan.map(|plan| plan.info).map_err(|obstacle| obstacle.of(serial))
         };
         recordings.iter().map(info).collect()
     }

@@ -5,12 +5,15 @@
 
 pub mod age;
 pub mod clock;
+pub mod depth_unit;
 #[cfg(feature = "realsense")]
 mod device;
 pub mod extrinsics;
 #[cfg(feature = "realsense")]
 mod factory;
+pub mod left_out;
 pub mod lens;
+pub mod obstacle;
 pub mod options;
 pub mod pairing;
 pub mod pixels;

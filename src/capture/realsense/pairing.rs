@@ -1,4 +1,5 @@
-//! Which depth image belongs to which colour image of one camera: the streams run at one rate but start and stutter apart.
+//! Which depth image belongs to which colour image of one camera: the streams run at one rate but start and stutter apart. Whoever
+//! reads a camera or its recording, with the SDK or without, decides it here.
 
 use std::collections::VecDeque;
 
@@ -14,21 +15,42 @@ pub enum Stream {
     Depth,
 }
 
+/// How far apart two images of one moment may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MaxGap {
+    ns: i64,
+}
+
+impl MaxGap {
+    /// For colour of this rate: half the time between two frames.
+    pub fn for_rate(rate_hz: f64) -> Self {
+        Self { ns: (0.5e9 / rate_hz.max(0.1)) as i64 }
+    }
+
+    /// Which of the oldest two images is too old for the other, and has lost its own partner; `None` where the two are of one moment.
+    pub fn too_old(self, color_ns: i64, depth_ns: i64) -> Option<Stream> {
+        let gap_ns = color_ns.saturating_sub(depth_ns);
+        if gap_ns > self.ns {
+            return Some(Stream::Depth);
+        }
+        (gap_ns < -self.ns).then_some(Stream::Color)
+    }
+}
+
 /// Images that wait for their partner, oldest first, with their stamps in ns.
 #[derive(Debug)]
 pub struct Pairing<C, D> {
     color: VecDeque<(i64, C)>,
     depth: VecDeque<(i64, D)>,
-    /// Farther apart two images are of different moments, ns.
-    max_gap_ns: i64,
+    max_gap: MaxGap,
 }
 
 impl<C, D> Pairing<C, D> {
-    /// For streams of this rate: partners are less than half an interval apart.
+    /// For streams of this rate.
     pub fn for_rate(rate_hz: f64) -> Self {
         let waiting = MAX_WAITING + 1;
         let (color, depth) = (VecDeque::with_capacity(waiting), VecDeque::with_capacity(waiting));
-        Self { color, depth, max_gap_ns: (0.5e9 / rate_hz.max(0.1)) as i64 }
+        Self { color, depth, max_gap: MaxGap::for_rate(rate_hz) }
     }
 
     /// Takes an image; where too many wait, the oldest is given up.
@@ -51,15 +73,16 @@ impl<C, D> Pairing<C, D> {
         loop {
             let Some(&(color_ns, _)) = self.color.front() else { return Err(Stream::Color) };
             let Some(&(depth_ns, _)) = self.depth.front() else { return Err(Stream::Depth) };
-            let gap_ns = color_ns.saturating_sub(depth_ns);
-            if gap_ns > self.max_gap_ns {
-                self.depth.pop_front();
-            } else if gap_ns < -self.max_gap_ns {
-                self.color.pop_front();
-            } else if let (Some((stamp_ns, color)), Some((_, depth))) =
-                (self.color.pop_front(), self.depth.pop_front())
-            {
-                return Ok((stamp_ns, color, depth));
+            match self.max_gap.too_old(color_ns, depth_ns) {
+                Some(Stream::Depth) => drop(self.depth.pop_front()),
+                Some(Stream::Color) => drop(self.color.pop_front()),
+                None => {
+                    if let (Some((stamp_ns, color)), Some((_, depth))) =
+                        (self.color.pop_front(), self.depth.pop_front())
+                    {
+                        return Ok((stamp_ns, color, depth));
+                    }
+                }
             }
         }
     }
@@ -87,6 +110,17 @@ mod tests {
         match stream {
             Stream::Color => pairing.add_color(number * FRAME_NS, number),
             Stream::Depth => pairing.add_depth(number * FRAME_NS - 6_000_000, number),
+        }
+    }
+
+    #[test]
+    fn the_gap_is_half_a_frame_of_any_rate() {
+        for (rate_hz, half_ns) in [(15.0, 33_333_333), (30.0, 16_666_666), (90.0, 5_555_555)] {
+            let max_gap = MaxGap::for_rate(rate_hz);
+            assert_eq!(max_gap.too_old(0, half_ns), None);
+            assert_eq!(max_gap.too_old(0, -half_ns), None);
+            assert_eq!(max_gap.too_old(0, half_ns + 2), Some(Stream::Color));
+            assert_eq!(max_gap.too_old(0, -half_ns - 2), Some(Stream::Depth));
         }
     }
 

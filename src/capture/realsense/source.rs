@@ -10,6 +10,7 @@ use super::age::AgeAlarm;
 use super::clock::{WrappingClock, ns_from_ms};
 use super::device;
 use super::factory::{Recording, Session};
+use super::obstacle::Obstacle;
 use super::options::{Pace, RealsenseOptions};
 use super::pairing::{Pairing, Stream};
 use super::pixels::{self, Layout};
@@ -61,10 +62,11 @@ impl RealsenseSource {
         options: &RealsenseOptions,
     ) -> Result<Self, CaptureError> {
         let serial = device::serial(&device);
-        let plan = device::plan(&device, options).map_err(|what| CaptureError::device(&serial, what))?;
-        let sensors = raw::DeviceSensor::all(&device).map_err(|what| CaptureError::device(&serial, what))?;
+        let plan = device::plan(&device, options).map_err(|obstacle| obstacle.of(&serial))?;
+        let told = |what: String| Obstacle::told(what).of(&serial);
+        let sensors = raw::DeviceSensor::all(&device).map_err(told)?;
         settings::apply(&sensors, options, &serial);
-        let streams = Streams::of_camera(plan.sensors).map_err(|what| CaptureError::device(&serial, what))?;
+        let streams = Streams::of_camera(plan.sensors).map_err(told)?;
         let origin = Origin::Live { session, asked: Instant::now() };
         Ok(Self::new((plan.info, plan.rate_hz), (streams, origin), options))
     }
@@ -73,7 +75,7 @@ impl RealsenseSource {
     pub(super) fn recorded(recording: Recording, options: &RealsenseOptions) -> Result<Self, CaptureError> {
         let serial = device::serial(&recording.device);
         let refused = |what: String| CaptureError::device(&serial, what);
-        let plan = device::plan(&recording.device, options).map_err(refused)?;
+        let plan = device::plan(&recording.device, options).map_err(|obstacle| obstacle.of(&serial))?;
         raw::set_real_time(&recording.device, options.pace == Pace::RealTime).map_err(refused)?;
         let streams = Streams::of_recording(plan.sensors, &recording.device).map_err(refused)?;
         let origin = Origin::Recorded { recording, pace: options.pace, ended: false };

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::start::{MAX_RESTARTS, run_rig};
 use super::*;
 use crate::capture::RgbdFrame;
 use crate::capture::synthetic::{SyntheticFactory, SyntheticOptions};
@@ -10,6 +11,7 @@ use crate::ipc::InstanceName;
 use crate::pipeline::{CameraSlot, FindTimes, FoundLines, LineFinder, Parts, PipelineOptions};
 use crate::service::config::ReadyWhen;
 use crate::service::manager::ServiceManager;
+use crate::service::rig::Rig;
 
 struct Broken;
 

@@ -31,10 +31,23 @@ pub enum Mode {
     /// The same frames and stamps, but told to be of the camera's own clock.
     OwnClock,
     End,
+    /// Is there, but does not open for us.
+    Refuse,
+    /// Is there, but fails when it is opened.
+    Fail,
 }
 
-const MODES: [Mode; 7] =
-    [Mode::Run, Mode::Stall, Mode::Unplugged, Mode::Hang, Mode::WrongSize, Mode::OwnClock, Mode::End];
+const MODES: [Mode; 9] = [
+    Mode::Run,
+    Mode::Stall,
+    Mode::Unplugged,
+    Mode::Hang,
+    Mode::WrongSize,
+    Mode::OwnClock,
+    Mode::End,
+    Mode::Refuse,
+    Mode::Fail,
+];
 
 /// The test's hand on a camera.
 #[derive(Debug)]
@@ -42,6 +55,9 @@ pub struct Control {
     mode: AtomicU8,
     /// Pixels by which the image moves per frame.
     pub shift_px: AtomicU64,
+    /// How often it was opened, in vain too, and reset.
+    pub openings: AtomicU64,
+    pub resets: AtomicU64,
 }
 
 impl Control {
@@ -72,7 +88,12 @@ pub fn rig(names: &[&str]) -> (Vec<CameraSlot>, Vec<Arc<Control>>) {
     let mut slots = Vec::new();
     let mut controls = Vec::new();
     for (index, name) in (0..).zip(names) {
-        let control = Arc::new(Control { mode: AtomicU8::new(Mode::Run as u8), shift_px: AtomicU64::new(0) });
+        let control = Arc::new(Control {
+            mode: AtomicU8::new(Mode::Run as u8),
+            shift_px: AtomicU64::new(0),
+            openings: AtomicU64::new(0),
+            resets: AtomicU64::new(0),
+        });
         let serial = format!("serial of {name}");
         let info = CameraInfo {
             name: (*name).to_owned(),
@@ -99,8 +120,13 @@ impl DeviceFactory for FakeFactory {
     }
 
     fn open(&self, serial: &str) -> Result<Box<dyn FrameSource>, CaptureError> {
-        if self.control.mode() == Mode::Unplugged {
-            return Err(CaptureError::NotFound { serial: serial.to_owned(), available: String::new() });
+        self.control.openings.fetch_add(1, Ordering::SeqCst);
+        let (serial, what) = (serial.to_owned(), String::new());
+        match self.control.mode() {
+            Mode::Unplugged => return Err(CaptureError::NotFound { serial, available: what }),
+            Mode::Refuse => return Err(CaptureError::Refused { serial, what }),
+            Mode::Fail => return Err(CaptureError::Device { serial, what }),
+            _ => {}
         }
         let number = (self.start.elapsed().as_nanos() / PERIOD.as_nanos()) as u64;
         Ok(Box::new(FakeSource {
@@ -110,6 +136,14 @@ impl DeviceFactory for FakeFactory {
             start: self.start,
             number,
         }))
+    }
+
+    fn reset(&self, serial: &str) -> Result<bool, CaptureError> {
+        if self.control.mode() == Mode::Unplugged {
+            return Err(CaptureError::NotFound { serial: serial.to_owned(), available: String::new() });
+        }
+        self.control.resets.fetch_add(1, Ordering::SeqCst);
+        Ok(true)
     }
 }
 
@@ -142,6 +176,10 @@ impl FrameSource for FakeSource {
             }
             Mode::Unplugged => return Err(CaptureError::Unplugged(self.info.name.clone())),
             Mode::End => return Err(CaptureError::EndOfStream),
+            Mode::Refuse | Mode::Fail => {
+                let serial = self.info.serial.clone();
+                return Err(CaptureError::Device { serial, what: "a fault".to_owned() });
+            }
         }
         let due = self.start + PERIOD * self.number as u32;
         std::thread::sleep(due.saturating_duration_since(Instant::now()));

@@ -3,6 +3,7 @@
 mod fake;
 mod offline;
 mod parts;
+mod resets;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
