@@ -18,6 +18,8 @@ use crate::table::{Seen, time};
 /// Clients of the flood; the daemon has room for 16.
 const FLOODERS: usize = 12;
 const FLOOD: Duration = Duration::from_secs(5);
+/// Within this the daemon has closed the files of those that left.
+const LETTING_GO: Duration = Duration::from_secs(1);
 /// The code of an outcome and of a refusal in [`ResponseWire`].
 const REFUSED: u32 = 3;
 const UNREADABLE: u32 = 4;
@@ -202,7 +204,13 @@ pub fn dying(site: &Site, n_clients: usize) -> Result<Seen> {
     }
     drop(together);
     client.status(ANSWER)?;
-    let after = daemon.resources()?;
+    // The daemon lets go of those that left when it next looks, some milliseconds later.
+    let (left, mut after) = (Instant::now(), daemon.resources()?);
+    while after.fds > before.fds + 4 && left.elapsed() < LETTING_GO {
+        std::thread::sleep(Duration::from_millis(10));
+        after = daemon.resources()?;
+    }
+    seen.recovered(left.elapsed(), LETTING_GO);
     seen.require(after.fds <= before.fds + 4, format!("{} files became {}", before.fds, after.fds));
     seen.say(format!(
         "{n_clients} clients killed, {FLOODERS} new ones connect at once; {} files open before, {} after",
