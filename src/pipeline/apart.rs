@@ -166,18 +166,8 @@ mod tests {
 
     fn unsolved() -> RigCalibration {
         let pair = |target, source| PairEstimate {
-            target,
-            source,
-            state: State::Collecting,
             reason: Some(Reason { code: ReasonCode::NoLines, sentence: "check its lens cover".to_owned() }),
-            target_from_source: None,
-            matches: 0,
-            full: 0,
-            pnl: 0,
-            lead: None,
-            residual_px: 0.0,
-            residual_m: 0.0,
-            line_residuals: Vec::new(),
+            ..PairEstimate::collecting(target, source)
         };
         let pairs = vec![pair(0, 1), pair(0, 2), pair(1, 2)];
         let reason = pairs[2].reason.clone();

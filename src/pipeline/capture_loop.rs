@@ -251,9 +251,7 @@ impl Stream<'_> {
         slot.intrinsics = Some(self.intrinsics);
         let sequence = slot.frame.sequence;
         let expected = self.sequence.map_or(sequence, |last| last.saturating_add(1));
-        let n_lost = sequence.saturating_sub(expected);
-        shared.counters.lost_frames.add(n_lost);
-        shared.cameras[camera].health.lost.add(n_lost);
+        shared.cameras[camera].health.lost.add(sequence.saturating_sub(expected));
         self.sequence = Some(sequence);
         shared.counters.frames.add_one();
         shared.cameras[camera].frames.add_one();

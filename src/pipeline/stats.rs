@@ -136,7 +136,6 @@ fn middle_us(bucket: usize) -> f64 {
 pub struct Counters {
     pub(super) frames: Counter,
     pub(super) bad_frames: Counter,
-    pub(super) lost_frames: Counter,
     pub(super) dropped_frames: Counter,
     pub(super) unmatched_frames: Counter,
     pub(super) out_of_order: Counter,
@@ -161,8 +160,6 @@ pub struct Counts {
     pub frames: u64,
     /// Frames that were unreadable or not of the promised size.
     pub bad_frames: u64,
-    /// Gaps in the cameras' own numbering.
-    pub lost_frames: u64,
     /// Frames that the sync thread did not fetch in time.
     pub dropped_frames: u64,
     /// Frames without a partner.
@@ -201,7 +198,6 @@ impl Counters {
         Counts {
             frames: self.frames.get(),
             bad_frames: self.bad_frames.get(),
-            lost_frames: self.lost_frames.get(),
             dropped_frames: self.dropped_frames.get(),
             unmatched_frames: self.unmatched_frames.get(),
             out_of_order: self.out_of_order.get(),

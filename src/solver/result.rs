@@ -141,6 +141,26 @@ pub struct PairEstimate {
     pub line_residuals: Vec<LineResidual>,
 }
 
+impl PairEstimate {
+    /// Of two cameras between which nothing was found yet.
+    pub(crate) fn collecting(target: usize, source: usize) -> Self {
+        Self {
+            target,
+            source,
+            state: State::Collecting,
+            reason: None,
+            target_from_source: None,
+            matches: 0,
+            full: 0,
+            pnl: 0,
+            lead: None,
+            residual_px: 0.0,
+            residual_m: 0.0,
+            line_residuals: Vec::new(),
+        }
+    }
+}
+
 /// How well a pose explains one match: root mean square over the two ends of the target's segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineResidual {

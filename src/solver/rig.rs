@@ -151,20 +151,7 @@ impl RigEstimator {
     /// Ranks the poses of one pair and judges the best.
     fn judge_pair(&self, (target, source): (usize, usize), keep_going: &dyn Fn() -> bool) -> JudgedPair {
         let pair = PairEvidence { evidence: &self.evidence, target, source };
-        let mut estimate = PairEstimate {
-            target,
-            source,
-            state: State::Collecting,
-            reason: None,
-            target_from_source: None,
-            matches: 0,
-            full: 0,
-            pnl: 0,
-            lead: None,
-            residual_px: 0.0,
-            residual_m: 0.0,
-            line_residuals: Vec::new(),
-        };
+        let mut estimate = PairEstimate::collecting(target, source);
         let limits = RankLimits {
             known: None,
             cameras: &self.cameras,
