@@ -33,6 +33,8 @@ use held::Held;
 
 /// Between two looks at what has become of the sets.
 const GLANCE: Duration = Duration::from_millis(20);
+/// When all is over, so long without another event there is none.
+const LAST_WORDS: Duration = Duration::from_millis(100);
 /// Without a change for so long, sets that are missing in the counts are given up.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -138,10 +140,20 @@ impl Playing<'_> {
                 gate.release_after(through(&snapshot.counts) + self.n_lost);
             }
             if self.is_over(&snapshot) {
+                self.hear_out(events);
                 return Ok(());
             }
         }
         Ok(())
+    }
+
+    /// Tells what cameras said last: a state changes a moment before its event comes.
+    fn hear_out(&self, events: &Receiver<PipelineEvent>) {
+        while let Ok(event) = events.recv_timeout(LAST_WORDS) {
+            if let PipelineEvent::Camera { camera, state, detail } = event {
+                self.tell(camera, state, &detail);
+            }
+        }
     }
 
     fn notice(&mut self, counts: &Counts) {
