@@ -238,17 +238,20 @@ pub enum CameraState {
     Failed,
     /// A recording that is at its end.
     Ended,
+    /// Open, but its first frame has not come yet.
+    Opened,
 }
 
 impl CameraState {
     /// Every state, in the order of the wire format.
-    pub const ALL: [CameraState; 6] = [
+    pub const ALL: [CameraState; 7] = [
         CameraState::Waiting,
         CameraState::Streaming,
         CameraState::Stalled,
         CameraState::Unplugged,
         CameraState::Failed,
         CameraState::Ended,
+        CameraState::Opened,
     ];
 
     /// The name in output.
@@ -260,6 +263,7 @@ impl CameraState {
             CameraState::Unplugged => "unplugged",
             CameraState::Failed => "failed",
             CameraState::Ended => "ended",
+            CameraState::Opened => "opened",
         }
     }
 }

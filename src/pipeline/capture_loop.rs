@@ -133,7 +133,7 @@ impl CaptureLoop {
         self.size_buffers(&intrinsics);
         self.shared.cameras[self.camera].set_firmware(source.info().firmware.clone());
         self.shared.cameras[self.camera].note_frame(self.shared.since_start());
-        self.shared.change_camera(self.camera, CameraState::Streaming, "");
+        self.shared.change_camera(self.camera, CameraState::Opened, "");
         let mut stream = Stream { shared: &self.shared, camera: self.camera, intrinsics, sequence: None };
         let mut errors_in_a_row = 0;
         let mut last_frame = Instant::now();
@@ -191,7 +191,7 @@ impl CaptureLoop {
         }
     }
 
-    /// Sleeps, but not through a stop.
+    /// Sleeps, but not through a stop, and not without a sign of life: a camera that is away is no thread that hangs.
     fn rest(&self, pause: Duration) {
         let until = Instant::now() + pause;
         while !self.shared.is_stopping() {
@@ -200,7 +200,7 @@ impl CaptureLoop {
             if left.is_zero() {
                 return;
             }
-            thread::park_timeout(left);
+            thread::park_timeout(left.min(FRAME_TIMEOUT));
         }
     }
 }
@@ -264,9 +264,7 @@ impl Stream<'_> {
                 "depth image is all but empty: uncover both imagers, switch the emitter on, or unplug the camera for a moment"
             );
         }
-        if shared.cameras[camera].state() != CameraState::Streaming {
-            shared.change_camera(camera, CameraState::Streaming, "again");
-        }
+        shared.change_camera(camera, CameraState::Streaming, "");
         if let Some(evicted) = shared.queues.frames[camera].force_push(slot) {
             self.count_drop();
             shared.queues.recycle_frame(evicted);

@@ -56,17 +56,20 @@ pub enum CameraState {
     Failed,
     /// The recording is at its end.
     Ended,
+    /// Open, and within the limit for its first frame.
+    Opened,
 }
 
 impl CameraState {
     /// Every state, in the order of its number.
-    pub const ALL: [CameraState; 6] = [
+    pub const ALL: [CameraState; 7] = [
         CameraState::Waiting,
         CameraState::Streaming,
         CameraState::Stalled,
         CameraState::Unplugged,
         CameraState::Failed,
         CameraState::Ended,
+        CameraState::Opened,
     ];
 
     /// The name in messages.
@@ -78,6 +81,7 @@ impl CameraState {
             CameraState::Unplugged => "unplugged",
             CameraState::Failed => "failed",
             CameraState::Ended => "ended",
+            CameraState::Opened => "opened",
         }
     }
 }

@@ -80,12 +80,13 @@ impl CameraShared {
         self.state.swap(state as u8, Ordering::Relaxed) != state as u8
     }
 
-    /// From streaming to stalled, unless the capture thread has changed the state meanwhile.
-    pub(super) fn stall(&self) -> bool {
-        let (streaming, stalled) = (CameraState::Streaming as u8, CameraState::Stalled as u8);
-        self.state.compare_exchange(streaming, stalled, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+    /// From this state to stalled, unless the capture thread has changed it meanwhile.
+    pub(super) fn stall(&self, from: CameraState) -> bool {
+        let (from, stalled) = (from as u8, CameraState::Stalled as u8);
+        self.state.compare_exchange(from, stalled, Ordering::Relaxed, Ordering::Relaxed).is_ok()
     }
 
+    /// A frame has come, or the time in which the first one may come begins.
     pub(super) fn note_frame(&self, since_start: Duration) {
         self.last_frame_ns.store(since_start.as_nanos() as u64, Ordering::Relaxed);
     }
@@ -259,7 +260,7 @@ impl Shared {
         let name = &self.cameras[camera].name;
         let colon = if detail.is_empty() { "" } else { ": " };
         match state {
-            CameraState::Streaming | CameraState::Waiting | CameraState::Ended => {
+            CameraState::Waiting | CameraState::Opened | CameraState::Streaming | CameraState::Ended => {
                 tracing::info!(camera = name, "camera is {}{colon}{detail}", state.name());
             }
             CameraState::Stalled | CameraState::Unplugged | CameraState::Failed => {

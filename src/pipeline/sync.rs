@@ -16,6 +16,10 @@ use super::queues::{MAX_SETS_IN_FLIGHT, SYNC_QUEUE};
 use super::shared::{Shared, Waker};
 use super::stage::Stage;
 
+/// A camera that was opened takes its time for the first frame: sensors start, exposure settles. It is not waited for that long, but it is
+/// not told as stalled before.
+const FIRST_FRAME: Duration = Duration::from_secs(2);
+
 /// Forms frame sets and feeds the line stage.
 pub(super) struct SyncStage {
     shared: Arc<Shared>,
@@ -66,8 +70,11 @@ impl SyncStage {
         let now = self.shared.since_start();
         for (camera, (alive, shared)) in living.iter_mut().zip(&self.shared.cameras).enumerate() {
             let silence = now.saturating_sub(shared.last_frame());
-            *alive = shared.state() == CameraState::Streaming && silence <= self.stalled_after;
-            if !*alive && silence > self.stalled_after && shared.stall() {
+            let (state, limit) = (shared.state(), self.stalled_after);
+            let patience = if state == CameraState::Opened { limit.max(FIRST_FRAME) } else { limit };
+            let is_open = matches!(state, CameraState::Opened | CameraState::Streaming);
+            *alive = is_open && silence <= limit;
+            if is_open && silence > patience && shared.stall(state) {
                 let detail = format!("no frame for {} ms", silence.as_millis());
                 self.shared.report_camera(camera, CameraState::Stalled, &detail);
             }

@@ -145,11 +145,11 @@ impl Life {
                 "the daemon is about to end: start it again and ask then".into(),
             ),
             RequestKind::Recalibrate => {
-                let streaming = streaming(pipeline);
-                if streaming < MIN_CAMERAS {
-                    let sentence = format!(
-                        "{streaming} cameras deliver frames, {MIN_CAMERAS} are needed: see the status"
-                    );
+                // One that was opened a moment ago is about to deliver.
+                let there = streaming(pipeline) + count(pipeline, CameraState::Opened);
+                if there < MIN_CAMERAS {
+                    let sentence =
+                        format!("{there} cameras deliver frames, {MIN_CAMERAS} are needed: see the status");
                     return refused(RefusalCode::NoCameras, sentence);
                 }
                 match command(Command::Recalibrate) {
@@ -175,7 +175,11 @@ impl Life {
 
 /// How many cameras deliver frames.
 pub fn streaming(pipeline: &Snapshot) -> usize {
-    pipeline.cameras.iter().filter(|camera| camera.state == CameraState::Streaming).count()
+    count(pipeline, CameraState::Streaming)
+}
+
+fn count(pipeline: &Snapshot, state: CameraState) -> usize {
+    pipeline.cameras.iter().filter(|camera| camera.state == state).count()
 }
 
 #[cfg(test)]

@@ -206,6 +206,7 @@ impl From<pipeline::CameraState> for CameraState {
             pipeline::CameraState::Unplugged => CameraState::Unplugged,
             pipeline::CameraState::Failed => CameraState::Failed,
             pipeline::CameraState::Ended => CameraState::Ended,
+            pipeline::CameraState::Opened => CameraState::Opened,
         }
     }
 }

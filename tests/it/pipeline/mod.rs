@@ -181,8 +181,43 @@ fn a_camera_that_stays_stalled_is_opened_again() {
     bench.wait_for_camera(0, CameraState::Streaming);
     controls[0].set(Mode::Stall);
     bench.wait_for_camera(0, CameraState::Stalled);
-    // Still stalled, but a freshly opened camera counts as streaming until it is silent again.
+    bench.wait_for_camera(0, CameraState::Opened);
+    bench.wait_for_camera(0, CameraState::Stalled);
+    controls[0].set(Mode::Run);
     bench.wait_for_camera(0, CameraState::Streaming);
+}
+
+#[test]
+fn an_open_camera_is_not_said_to_deliver_frames_before_it_does() {
+    let (cameras, controls) = fake::rig(&["silent-a", "silent-b"]);
+    controls[1].set(Mode::Stall);
+    let bench = Bench::start(cameras, quick_parts());
+    let mut states = Vec::new();
+    bench.wait_for("the first frame's state", |event| {
+        if let PipelineEvent::Camera { camera: 1, state, .. } = event {
+            states.push(state);
+            if state == CameraState::Stalled {
+                controls[1].set(Mode::Run);
+            }
+        }
+        (states.last() == Some(&CameraState::Streaming)).then_some(())
+    });
+    assert_eq!(states, [CameraState::Opened, CameraState::Stalled, CameraState::Streaming]);
+}
+
+#[test]
+fn the_thread_of_a_camera_that_is_away_shows_signs_of_life_all_the_time() {
+    let (cameras, controls) = fake::rig(&["away-a", "away-b"]);
+    controls[0].set(Mode::Unplugged);
+    let bench = Bench::start(cameras, quick_parts());
+    let (start, mut before) = (Instant::now(), bench.pipeline.vitals());
+    // The pauses between two attempts have grown beyond a second by then.
+    while start.elapsed() < Duration::from_millis(3500) {
+        std::thread::sleep(Duration::from_millis(600));
+        let now = bench.pipeline.vitals();
+        assert!(!now.hanging_since(&before).contains(&"cap-away-a".to_owned()), "{now:?}");
+        before = now;
+    }
 }
 
 #[test]
