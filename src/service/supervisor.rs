@@ -1,6 +1,7 @@
 //! What the service manager is told of the running daemon, and when: that it is ready, how it is in one line, and that it lives. Signs
 //! of life go out only while every thread of the pipeline moves; a hang anywhere ends in a restart by the manager.
 
+use std::fmt::Display;
 use std::time::{Duration, Instant};
 
 use super::config::ReadyWhen;
@@ -24,6 +25,8 @@ pub struct Supervisor {
     /// The last time that everything had moved, and what was counted then.
     moved: Option<(Instant, Vitals)>,
     is_hang_told: bool,
+    /// Why the config file as it is now was not taken.
+    refused_config: Option<String>,
     status: String,
 }
 
@@ -60,6 +63,7 @@ impl Supervisor {
             looked: None,
             moved: None,
             is_hang_told: false,
+            refused_config: None,
             status: String::new(),
         }
     }
@@ -149,19 +153,24 @@ impl Supervisor {
 
     /// One line for `systemctl status`; nothing when it is not new.
     pub fn say(&mut self, words: &str) {
-        if self.status != words {
-            self.status = words.to_owned();
-            self.manager.tell(Notice::Status(words));
+        // `systemctl reload` has no way to tell that it was refused.
+        let refused = self.refused_config.as_ref();
+        let line =
+            refused.map_or(words.to_owned(), |why| format!("{words}; the config file is not taken: {why}"));
+        if self.status != line {
+            self.manager.tell(Notice::Status(&line));
+            self.status = line;
         }
     }
 
     /// A reload begins, and its end is told when `reload` is done. Before the service is ready nothing is told: the end of a
-    /// reload would be taken for the end of the start.
-    pub fn during_reload<T>(&self, reload: impl FnOnce() -> T) -> T {
+    /// reload would be taken for the end of the start. Why it was refused stays in the status until one is taken.
+    pub fn during_reload<T, E: Display>(&mut self, reload: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
         let tell = |notice| self.is_ready.then(|| self.manager.tell(notice));
         tell(Notice::Reloading);
         let done = reload();
         tell(Notice::Ready);
+        self.refused_config = done.as_ref().err().map(E::to_string);
         done
     }
 

@@ -161,6 +161,9 @@ fn a_new_config_is_taken_as_a_whole_or_not_at_all() {
         assert!(stamp.is_some_and(|stamp| stamp.parse::<u64>().is_ok()), "{told:?}");
         manager.wait_for("READY=1");
         said(what).unwrap_or_else(|| panic!("{what:?} is not in {}", manager.daemon.talk()));
+        // The manager takes every reload for a success: the status tells whether it was one.
+        let status = manager.wait_for("STATUS=").pop().unwrap();
+        assert_eq!(status.contains("config file is not taken"), !what.starts_with("changed"), "{status}");
         let is_debug = manager.daemon.talk().contains("DEBUG");
         assert!(
             !is_debug || what.starts_with("changed"),

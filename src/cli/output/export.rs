@@ -92,7 +92,7 @@ fn heading(message: &CalibrationMessage) -> String {
         .map(|camera| format!("{} ({})", plain_line(&camera.name), plain_line(&camera.serial)))
         .collect();
     format!(
-        "pelical export, {state}: {provenance}; cameras {}; reference {}",
+        "pelical export, {state}: made {provenance}; cameras {}; reference {}",
         serials.join(", "),
         plain_line(reference.map_or("?", |camera| &camera.name))
     )

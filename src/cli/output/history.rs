@@ -58,11 +58,11 @@ impl ProvenanceEntry {
         }
     }
 
-    /// For people: `calibration 17, made 2026-11-22T09:33:29.000Z, 3 h ago`.
+    /// For people: `2026-11-22T09:33:29.000Z, 3 h ago, calibration 17`.
     pub fn text(&self) -> String {
-        let id = self.id.map_or_else(|| "not kept".to_owned(), |id| format!("calibration {id}"));
+        let id = self.id.map_or_else(|| "not kept in a history".to_owned(), |id| format!("calibration {id}"));
         let restored = self.restored_from.map_or_else(String::new, |from| format!(", gone back to {from}"));
-        format!("{id}{restored}, made {}, {}", self.made, age_in_words(self.age_s))
+        format!("{}, {}, {id}{restored}", self.made, age_in_words(self.age_s))
     }
 }
 

@@ -12,7 +12,7 @@ pub fn calibration(document: &CalibrationDocument) -> String {
         let _ = writeln!(text, "reason      {} ({})", reason.sentence, reason.code);
     }
     if let Some(provenance) = &document.provenance {
-        let _ = writeln!(text, "kept        {}", provenance.text());
+        let _ = writeln!(text, "made        {}", provenance.text());
     }
     let sets = &document.frame_sets;
     let _ = writeln!(text, "frame sets  {} seen, {} used, {} refused", sets.seen, sets.used, sets.refused);
