@@ -173,8 +173,18 @@ impl Server {
     }
 
     fn answer_all(&self, answer: &mut impl FnMut(Request) -> Response) -> Result<usize, ServerError> {
-        let mut reply = |wire: &RequestWire| ResponseWire::encode(wire, &response_to(wire, answer));
-        self.answer_while(|| self.ports.answer(&mut reply))
+        // Who asks has joined, perhaps this very moment. With the newest messages given before the answer, an answer and no
+        // message say that there is none.
+        let mut refused = None;
+        let mut reply = |wire: &RequestWire| {
+            refused = self.ports.update_connections().err().or(refused.take());
+            ResponseWire::encode(wire, &response_to(wire, answer))
+        };
+        let answered = self.answer_while(|| self.ports.answer(&mut reply))?;
+        match refused {
+            Some(error) => Err(self.failed("connecting to clients", error)),
+            None => Ok(answered),
+        }
     }
 
     /// Answers one after the other while there is something to answer, up to a number that nobody can send by right.

@@ -13,7 +13,8 @@ use super::shared::Shared;
 
 /// Least time between two comparisons: a camera that was moved stays moved.
 const MIN_REST: Duration = Duration::from_millis(200);
-/// A comparison is followed by so many times its own duration of rest: a fifth of one core at most.
+/// A comparison is followed by so many times its own duration of rest: a fifth of one core at most. Not where another pose was found:
+/// that took long, but to follow it up is quick, and the alarm waits for it.
 const REST_RATIO: u32 = 4;
 
 /// Watches over the result of one round.
@@ -72,7 +73,8 @@ impl Watching {
         let start = Instant::now();
         let report = watch.add_while(views, &is_wanted).clone();
         let took = start.elapsed();
-        self.rest_until = start + took + MIN_REST.max(REST_RATIO * took);
+        let ratio = if watch.is_suspecting() { 0 } else { REST_RATIO };
+        self.rest_until = start + took + MIN_REST.max(ratio * took);
         if !is_wanted() {
             return;
         }

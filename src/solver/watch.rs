@@ -159,6 +159,11 @@ impl Watch {
         &self.report
     }
 
+    /// Whether the newest comparison found another pose that explains the lines better: what the next ones say decides.
+    pub fn is_suspecting(&self) -> bool {
+        self.pairs.iter().any(PairWatch::is_suspecting)
+    }
+
     /// Compares the window with the frozen poses.
     fn look(&mut self, keep_going: &dyn Fn() -> bool) -> Finding {
         let bench = Bench {

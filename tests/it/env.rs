@@ -181,6 +181,19 @@ impl Running {
         };
         let pid = Pid::from_raw(self.child.id() as i32).expect("a process id");
         kill_process(pid, signal).unwrap_or_else(|error| panic!("signal {name}: {error}"));
+        if signal == Signal::STOP {
+            // Until one thread has taken the signal, the others go on.
+            poll(|| self.is_stopped().then_some(())).expect("it stops");
+        }
+    }
+
+    fn is_stopped(&self) -> bool {
+        let threads = std::fs::read_dir(format!("/proc/{}/task", self.child.id())).expect("it runs");
+        let stat = |thread: std::io::Result<std::fs::DirEntry>| {
+            std::fs::read_to_string(thread.expect("readable").path().join("stat")).unwrap_or_default()
+        };
+        // The state follows the name, which is in brackets.
+        threads.map(stat).all(|stat| stat.rsplit_once(") ").is_none_or(|(_, rest)| rest.starts_with('T')))
     }
 
     /// What it has printed so far.

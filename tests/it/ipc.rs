@@ -192,6 +192,7 @@ macro_rules! over_both {
 
 over_both! {
     a_client_that_joins_after_the_result_gets_it
+    what_is_published_is_there_with_the_first_answer_of_a_busy_daemon
     each_kind_of_request_gets_its_typed_answer
     a_whole_history_comes_newest_first_to_several_clients_at_once
     progress_messages_come_in_order
@@ -228,6 +229,24 @@ fn a_client_that_joins_after_the_result_gets_it(over: &Transport) {
     daemon.run(|server| server.publish_calibration(&calibration(3)).expect("published"));
     let next = client.wait_calibration(PLENTY).expect("the daemon runs").expect("woken by the news");
     assert_eq!(next.sequence, 3);
+}
+
+fn what_is_published_is_there_with_the_first_answer_of_a_busy_daemon(over: &Transport) {
+    let instance = unique_instance();
+    let server = Server::start_over(over, &instance).expect("no other daemon of this name");
+    server.publish_calibration(&calibration(1)).expect("published");
+    let (over, asked) = (over.clone(), instance.clone());
+    let client = std::thread::spawn(move || {
+        // Nobody greets it: the daemon does something else.
+        let mut client = Client::connect_over(&over, &asked).expect("the daemon runs");
+        client.status(PLENTY).expect("answered");
+        client.latest_calibration().expect("readable").cloned()
+    });
+    // Longer than a client waits to be greeted, so that its question is there when the daemon looks for the first time.
+    std::thread::sleep(Duration::from_millis(600));
+    // Once: then it is busy again.
+    while server.poll(Duration::from_millis(20), answer).expect("polling works") == 0 {}
+    assert_eq!(client.join().expect("no panic"), Some(calibration(1)));
 }
 
 fn each_kind_of_request_gets_its_typed_answer(over: &Transport) {

@@ -125,6 +125,11 @@ impl PairWatch {
         self.vouching_looks >= VOUCH_AFTER && !self.is_accused
     }
 
+    /// Whether another pose explained the lines better when looked at last.
+    pub(super) fn is_suspecting(&self) -> bool {
+        self.suspect.is_some()
+    }
+
     /// Compares the newest views with the frozen pose.
     pub(super) fn look(&mut self, bench: &Bench<'_>) -> Sight {
         let sight = self.sight(bench);
