@@ -1,12 +1,16 @@
 //! How far apart the frames of each two cameras are, over a whole run: one thread writes, any reads at any time, in fixed memory.
 //!
 //! Frames that stand in one set and frames that found no partner near enough are told apart: the ones say how well the cameras are in
-//! step, the others how far they are out of it.
+//! step, the others how far they are out of it. Cameras whose frames stand in sets by turns, never in the same, are out of step too.
 
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
 use super::stats::{Counter, Histogram, LatencySummary};
 use crate::capture::StampNs;
+
+/// So many turns in a row are no lost frames any more, also of a camera with half the rate of the other.
+const MIN_TURNS: u64 = 4;
 
 /// Two cameras, and how far apart their frames are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,12 +39,25 @@ pub struct SkewBook {
     n_cameras: usize,
     /// Cameras whose stamps are of a clock of their own, as bits.
     own_clocks: Counter,
+    /// Sets so far.
+    sets: Counter,
+    cameras: Vec<LastSeen>,
     /// Each pair once, the first camera's pairs first.
     pairs: Vec<PairBook>,
 }
 
+/// When a camera stood in a set last. Relaxed: only the thread that writes reads it.
+#[derive(Debug, Default)]
+struct LastSeen {
+    /// Counting from 1; 0 for never.
+    set: Counter,
+    stamp_ns: AtomicI64,
+}
+
 #[derive(Debug, Default)]
 struct PairBook {
+    /// How often in a row one stood in a set without the other, and then the other without the one.
+    turns: Counter,
     within: Histogram,
     beyond: Counter,
     in_a_row: Counter,
@@ -53,7 +70,8 @@ impl SkewBook {
     pub fn new(n_cameras: usize) -> Self {
         let n_pairs = n_cameras * n_cameras.saturating_sub(1) / 2;
         let pairs = (0..n_pairs).map(|_| PairBook::default()).collect();
-        Self { n_cameras, own_clocks: Counter::default(), pairs }
+        let cameras = (0..n_cameras).map(|_| LastSeen::default()).collect();
+        Self { n_cameras, own_clocks: Counter::default(), sets: Counter::default(), cameras, pairs }
     }
 
     /// Takes note of the cameras, as bits, whose stamps are of a clock of their own.
@@ -64,6 +82,11 @@ impl SkewBook {
     /// Takes note of frames of one moment, in the order of their cameras.
     pub fn note_set(&self, stamps: impl Iterator<Item = Option<StampNs>> + Clone, max_skew: Duration) {
         let present = stamps.enumerate().filter_map(|(camera, stamp)| stamp.map(|stamp| (camera, stamp)));
+        self.sets.add_one();
+        let members = present.clone().fold(0, |mask, (camera, _)| mask | 1 << camera);
+        for (camera, stamp) in present.clone() {
+            self.note_turns(camera, stamp, members);
+        }
         for (first, first_stamp) in present.clone() {
             for (second, second_stamp) in present.clone().filter(|(second, _)| *second > first) {
                 let gap = Duration::from_nanos(first_stamp.0.abs_diff(second_stamp.0));
@@ -71,11 +94,33 @@ impl SkewBook {
                     self.note_beyond((first, second), gap);
                 } else if let Some(book) = self.book(first, second) {
                     book.within.record(gap);
+                    book.turns.set(0);
                     book.in_a_row.set(0);
                     book.nearest_beyond_ns.set(0);
                 }
             }
         }
+    }
+
+    /// Where another camera stood in sets since this one did, but not with it, it is their turn once more.
+    fn note_turns(&self, camera: usize, stamp: StampNs, members: u32) {
+        let Some(before) = self.cameras.get(camera) else { return };
+        let (set, stamp_before) = (before.set.get(), before.stamp_ns.load(Ordering::Relaxed));
+        for (other, seen) in self.cameras.iter().enumerate() {
+            let is_member = members & 1 << other != 0;
+            if is_member || set == 0 || seen.set.get() <= set {
+                continue;
+            }
+            let Some(book) = self.book(camera.min(other), camera.max(other)) else { continue };
+            book.turns.add_one();
+            if book.turns.get() >= MIN_TURNS {
+                let between = seen.stamp_ns.load(Ordering::Relaxed);
+                let gap_ns = stamp.0.abs_diff(between).min(stamp_before.abs_diff(between));
+                self.note_beyond((camera, other), Duration::from_nanos(gap_ns));
+            }
+        }
+        before.set.set(self.sets.get());
+        before.stamp_ns.store(stamp.0, Ordering::Relaxed);
     }
 
     /// Takes note of frames that are too far apart for one set.
@@ -161,6 +206,42 @@ mod tests {
         assert_eq!((pair.last_beyond_ms, pair.nearest_beyond_ms), (15.0, 11.0));
         note(&book, &[Some(80), Some(81)]);
         assert_eq!((book.pairs()[0].beyond, book.pairs()[0].in_a_row), (2, 0));
+    }
+
+    #[test]
+    fn cameras_that_stand_in_sets_by_turns_are_out_of_step() {
+        let book = SkewBook::new(4);
+        for moment in 0..10 {
+            let ms = 33 * moment;
+            note(&book, &[Some(ms), Some(ms + 1), None, None]);
+            note(&book, &[None, None, Some(ms + 12), Some(ms + 13)]);
+        }
+        for pair in book.pairs() {
+            let is_in_step = matches!((pair.first, pair.second), (0, 1) | (2, 3));
+            assert_eq!(
+                (pair.within.count, pair.beyond),
+                if is_in_step { (10, 0) } else { (0, 15) },
+                "{pair:?}"
+            );
+        }
+        let of = |book: &SkewBook, first, second| {
+            let pair = book.pairs().into_iter().find(|pair| (pair.first, pair.second) == (first, second));
+            pair.expect("the pair").nearest_beyond_ms
+        };
+        assert_eq!((of(&book, 0, 3), of(&book, 1, 2)), (13.0, 11.0));
+        note(&book, &[Some(400), Some(400), Some(400), Some(400)]);
+        assert!(book.pairs().iter().all(|pair| pair.in_a_row == 0), "back in step");
+    }
+
+    #[test]
+    fn lost_frames_and_slow_cameras_are_not_out_of_step() {
+        let book = SkewBook::new(3);
+        for moment in 0..30 {
+            let is_there = |lost: bool| (!lost).then_some(33 * moment);
+            // The first loses every seventh, the second the one behind it, the third comes every other time.
+            note(&book, &[is_there(moment % 7 == 3), is_there(moment % 7 == 4), is_there(moment % 2 == 1)]);
+        }
+        assert!(book.pairs().iter().all(|pair| pair.beyond == 0), "{:?}", book.pairs());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::geometry::{Camera, CameraView};
-use crate::solver::{EstimateOptions, RigCalibration, Watch, WatchLimits, WatchReport};
+use crate::solver::{EstimateOptions, RigCalibration, Watch, WatchEffort, WatchLimits, WatchReport};
 
 use super::event::{Phase, PipelineEvent, Watched};
 use super::options::PipelineOptions;
@@ -13,8 +13,8 @@ use super::shared::Shared;
 
 /// Least time between two comparisons: a camera that was moved stays moved.
 const MIN_REST: Duration = Duration::from_millis(200);
-/// A comparison is followed by so many times its own duration of rest: a fifth of one core at most. Not where another pose was found:
-/// that took long, but to follow it up is quick, and the alarm waits for it.
+/// A comparison is followed by so many times its own duration of rest, and a search over all poses by so many times its own without
+/// another: each takes a fifth of one core at most. Comparisons do not rest from a search: what it found is followed up at once.
 const REST_RATIO: u32 = 4;
 
 /// Watches over the result of one round.
@@ -24,15 +24,17 @@ pub(super) struct Watching {
     /// The result under watch and its round.
     watch: Option<(Watch, u64)>,
     rest_until: Instant,
+    no_search_until: Instant,
     /// What was told last.
     told: WatchReport,
 }
 
 impl Watching {
     pub(super) fn new(shared: Arc<Shared>, options: &PipelineOptions) -> Self {
-        let rest_until = shared.started;
+        let start = shared.started;
         let options = (options.estimate, options.watch);
-        Self { shared, options, watch: None, rest_until, told: WatchReport::default() }
+        let told = WatchReport::default();
+        Self { shared, options, watch: None, rest_until: start, no_search_until: start, told }
     }
 
     /// There is a result.
@@ -71,10 +73,15 @@ impl Watching {
             return;
         }
         let start = Instant::now();
-        let report = watch.add_while(views, &is_wanted).clone();
+        let effort = WatchEffort { keep_going: &is_wanted, may_search: start >= self.no_search_until };
+        let report = watch.add_within(views, &effort).clone();
         let took = start.elapsed();
-        let ratio = if watch.is_suspecting() { 0 } else { REST_RATIO };
-        self.rest_until = start + took + MIN_REST.max(ratio * took);
+        let has_searched = watch.has_searched();
+        let (end, rest) = (start + took, REST_RATIO * took);
+        self.rest_until = end + if has_searched { MIN_REST } else { MIN_REST.max(rest) };
+        if has_searched {
+            self.no_search_until = end + rest;
+        }
         if !is_wanted() {
             return;
         }

@@ -36,7 +36,7 @@ pub use line_pair::{LinePair, TargetSide};
 pub use result::*;
 pub use rig::{EstimateOptions, Estimator, RigCamera, RigEstimator};
 pub use verdict::VerdictLimits;
-pub use watch::{Moved, Watch, WatchLimits, WatchReport, Who};
+pub use watch::{Moved, Watch, WatchEffort, WatchLimits, WatchReport, Who};
 
 #[cfg(test)]
 mod tests;

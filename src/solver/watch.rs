@@ -96,7 +96,17 @@ pub struct Watch {
     limits: WatchLimits,
     /// The newest finding that has not led to anything yet, and how often it was made in succession.
     pending: (Finding, u32),
+    has_searched: bool,
     report: WatchReport,
+}
+
+/// How much may be done about one frame set.
+#[derive(Clone, Copy)]
+pub struct WatchEffort<'a> {
+    /// Asked now and then; once it says no, everything is given up.
+    pub keep_going: &'a dyn Fn() -> bool,
+    /// Whether all poses may be searched where the frozen one has lost its support.
+    pub may_search: bool,
 }
 
 /// What one look at all pairs comes to.
@@ -133,21 +143,23 @@ impl Watch {
             options,
             limits,
             pending: (Finding::CannotTell, 0),
+            has_searched: false,
             report: WatchReport::default(),
         }
     }
 
     /// Takes one frame set (as [`super::RigEstimator::add`]) and says how the result stands.
     pub fn add(&mut self, views: &[Option<CameraView>]) -> &WatchReport {
-        self.add_while(views, &|| true)
+        self.add_within(views, &WatchEffort { keep_going: &|| true, may_search: true })
     }
 
-    /// The same; once `keep_going` says no, a search for a new pose is given up and the report stays as it is.
-    pub fn add_while(&mut self, views: &[Option<CameraView>], keep_going: &dyn Fn() -> bool) -> &WatchReport {
+    /// The same with no more effort than that; when it is given up, the report stays as it is.
+    pub fn add_within(&mut self, views: &[Option<CameraView>], effort: &WatchEffort<'_>) -> &WatchReport {
         self.report.sets_since_confirmed += 1;
+        self.has_searched = false;
         if self.window.refresh(views, MAX_AGE_SETS) {
-            let finding = self.look(keep_going);
-            if keep_going() {
+            let finding = self.look(effort);
+            if (effort.keep_going)() {
                 self.take(finding);
                 let moved = &self.report.moved;
                 for pair in &mut self.pairs {
@@ -159,21 +171,22 @@ impl Watch {
         &self.report
     }
 
-    /// Whether the newest comparison found another pose that explains the lines better: what the next ones say decides.
-    pub fn is_suspecting(&self) -> bool {
-        self.pairs.iter().any(PairWatch::is_suspecting)
+    /// Whether all poses were searched with the newest set, which takes a hundred times as long as a look at the frozen ones.
+    pub fn has_searched(&self) -> bool {
+        self.has_searched
     }
 
     /// Compares the window with the frozen poses.
-    fn look(&mut self, keep_going: &dyn Fn() -> bool) -> Finding {
+    fn look(&mut self, effort: &WatchEffort<'_>) -> Finding {
         let bench = Bench {
             evidence: &self.window,
             cameras: &self.cameras,
             options: &self.options,
             limits: &self.limits,
-            keep_going,
+            effort,
         };
         let sights: Vec<Sight> = self.pairs.iter_mut().map(|pair| pair.look(&bench)).collect();
+        self.has_searched = self.pairs.iter().any(PairWatch::has_searched);
         let moved = culprits(&self.poses, &self.pairs, &sights);
         if !moved.is_empty() {
             return Finding::Moved(moved);

@@ -3,8 +3,8 @@
 
 use nalgebra::Matrix6;
 
-use super::WatchLimits;
 use super::shift::{Shift, mean_variances};
+use super::{WatchEffort, WatchLimits};
 use crate::geometry::Camera;
 use crate::geometry::motion::{Motion, d_inverse_step_d_step};
 use crate::solver::association::{Gate, Match, Scene};
@@ -50,7 +50,7 @@ pub(super) struct Bench<'a> {
     pub(super) cameras: &'a [Camera],
     pub(super) options: &'a EstimateOptions,
     pub(super) limits: &'a WatchLimits,
-    pub(super) keep_going: &'a dyn Fn() -> bool,
+    pub(super) effort: &'a WatchEffort<'a>,
 }
 
 /// What a look at a pair comes to.
@@ -90,6 +90,7 @@ pub(super) struct PairWatch {
     suspect: Option<Motion>,
     /// Frame sets until the next search over all poses.
     wait: u32,
+    has_searched: bool,
     /// Matches when the frozen pose was confirmed last; as many are enough to say that the pair now stands nearby.
     confirmed_matches: Option<usize>,
     /// Successive looks in which as many matches as a calibration needs showed that the pair stands where it stood.
@@ -114,6 +115,7 @@ impl PairWatch {
             usual_matches,
             suspect: None,
             wait: 0,
+            has_searched: false,
             confirmed_matches: None,
             vouching_looks: 0,
             is_accused: false,
@@ -125,9 +127,9 @@ impl PairWatch {
         self.vouching_looks >= VOUCH_AFTER && !self.is_accused
     }
 
-    /// Whether another pose explained the lines better when looked at last.
-    pub(super) fn is_suspecting(&self) -> bool {
-        self.suspect.is_some()
+    /// Whether the newest look was a search over all poses.
+    pub(super) fn has_searched(&self) -> bool {
+        self.has_searched
     }
 
     /// Compares the newest views with the frozen pose.
@@ -149,6 +151,7 @@ impl PairWatch {
 
     fn sight(&mut self, bench: &Bench<'_>) -> Sight {
         self.wait = self.wait.saturating_sub(1);
+        self.has_searched = false;
         let [target, source] = self.cameras;
         let pair = PairEvidence { evidence: bench.evidence, target, source };
         let sees = |set: &EvidenceSet| self.cameras.iter().all(|&camera| n_lines(set, camera) >= MIN_LINES);
@@ -179,11 +182,12 @@ impl PairWatch {
             self.confirmed_matches = Some(support.len());
             return Sight::Confirmed(shift);
         }
-        let found = if self.wait > 0 {
-            None
-        } else {
+        self.has_searched = self.wait == 0 && bench.effort.may_search;
+        let found = if self.has_searched {
             self.wait = SETS_BETWEEN_SEARCHES;
             self.search(pair, (usual.as_ref(), &rival), bench)
+        } else {
+            None
         };
         self.suspect = found.as_ref().map(|shift| shift.target_from_source);
         found.map_or(Sight::Silent, Sight::Moved)
@@ -245,7 +249,7 @@ impl PairWatch {
             cameras: bench.cameras,
             max_baseline_m: bench.options.max_baseline_m,
             max_free_space_violated: bench.options.verdict.max_free_space_violated,
-            keep_going: bench.keep_going,
+            keep_going: bench.effort.keep_going,
         };
         let Ranked::Poses(ranking) = rank_poses(pair, &limits) else { return None };
         let scene = Scene { pair, candidates: &ranking.candidates };
