@@ -138,6 +138,8 @@ pub struct Script {
     pub depth: Lens,
     /// Rotation, column-major, and translation, m.
     pub color_from_depth: ([f32; 9], [f32; 3]),
+    /// How the accelerometer is turned, column-major; `None` where the recording does not say.
+    pub color_from_accel: Option<[f32; 9]>,
     pub depth_unit_m: f32,
     /// Of colour and depth, as the recording declares it.
     pub rate_hz: i32,
@@ -273,6 +275,10 @@ fn add_streams(script: &Script, device: *mut sys::rs2_device) -> Streams {
     let gyro = motion(imu, sys::rs2_stream_RS2_STREAM_GYRO, 4, 200);
     let (rotation, translation) = script.color_from_depth;
     sdk!(sys::rs2_register_extrinsics, depth, color, sys::rs2_extrinsics { rotation, translation });
+    if let Some(rotation) = script.color_from_accel {
+        let extrinsics = sys::rs2_extrinsics { rotation, translation: [-0.0202, 0.0051, 0.0117] };
+        sdk!(sys::rs2_register_extrinsics, accel, color, extrinsics);
+    }
     Streams { depth: (stereo, depth), color: (rgb, color), motion: imu, gyro, accel }
 }
 

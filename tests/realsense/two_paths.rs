@@ -34,12 +34,21 @@ fn check_same_frames(serial: &str, path: &Path) {
         let rates =
             [&ours, theirs].map(|frame| frame.turn_rate.map(|rate| (rate.max_rad_per_s * 1e9).round()));
         assert_eq!(rates[0], rates[1], "{serial} at {:?}", ours.stamp);
+        let forces = [&ours, theirs].map(|frame| frame.specific_force.map(|force| force.mean_m_per_s2));
+        match forces {
+            [Some(ours_m_per_s2), Some(theirs_m_per_s2)] => {
+                // The file has a quaternion, of which the SDK makes a matrix of single precision.
+                let gap_m_per_s2 = (ours_m_per_s2 - theirs_m_per_s2).norm();
+                assert!(gap_m_per_s2 < 1e-5, "{serial} at {:?}: {gap_m_per_s2}", ours.stamp);
+            }
+            _ => assert_eq!(forces[0], forces[1], "{serial} at {:?}", ours.stamp),
+        }
         assert_eq!(ours.depth_unit_m, theirs.depth_unit_m);
     }
 }
 
 #[test]
-fn the_sdk_and_the_reader_without_it_give_the_same_bytes_stamps_and_turns() {
+fn the_sdk_and_the_reader_without_it_give_the_same_bytes_stamps_turns_and_forces() {
     let folder = tempdir().unwrap();
     for (serial, path) in SERIALS.into_iter().zip(&two_cameras(folder.path())) {
         check_same_frames(serial, path);

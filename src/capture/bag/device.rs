@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::UnitQuaternion;
+
 use super::file::{BagFile, Place};
-use super::message::{self, GyroSample, Image};
+use super::message::{self, AccelSample, GyroSample, Image};
 use super::topic::{Part, Stream, Topic};
 use crate::capture::realsense::depth_unit::depth_unit_m;
 use crate::capture::recording::check_housing;
@@ -13,8 +15,8 @@ use crate::geometry::{Camera, DepthCamera};
 
 /// m; what registered depth may be away from colour by rounding.
 const NO_SHIFT: f64 = 1e-9;
-/// Images and samples of gyros in one bag, of each of which a few dozen bytes are kept: two hours of a camera at 60 frames per second
-/// with its gyro at 400 Hz. Packed, many more fit into a small file.
+/// Images and samples of gyros and accelerometers in one bag, of each of which a few dozen bytes are kept: two hours of a camera at 60 frames per second
+/// with its gyro at 400 Hz and its accelerometer at 63 Hz. Packed, many more fit into a small file.
 const MAX_STAMPED: usize = 4_000_000;
 /// Bytes; serial numbers and versions have a dozen.
 const MAX_ABOUT_BYTES: usize = 256;
@@ -29,6 +31,9 @@ pub(super) struct Device {
     pub(super) color: ImageStream,
     pub(super) depth: ImageStream,
     pub(super) gyro: Vec<(Place, GyroSample)>,
+    pub(super) accel: Vec<(Place, AccelSample)>,
+    /// Group and rotation into the accelerometer's axes.
+    accel_from_group: Option<(u32, UnitQuaternion<f64>)>,
 }
 
 /// One stream of images.
@@ -63,12 +68,15 @@ pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> 
     let mut devices: BTreeMap<u32, Device> = BTreeMap::new();
     let mut n_stamped = 0;
     let read = file.each_message(|place, topic, message| {
-        n_stamped += usize::from(matches!(topic, Topic::Gyro { .. } | Topic::Image { part: Part::Data, .. }));
+        let is_sample = matches!(topic, Topic::Gyro { .. } | Topic::Accel { .. });
+        n_stamped += usize::from(is_sample || matches!(topic, Topic::Image { part: Part::Data, .. }));
         check_stamped(n_stamped)?;
         let (Topic::Device { device }
         | Topic::DepthUnit { device, .. }
         | Topic::Image { device, .. }
-        | Topic::Gyro { device }) = topic;
+        | Topic::Gyro { device }
+        | Topic::Accel { device }
+        | Topic::AccelExtrinsics { device, .. }) = topic;
         devices.entry(device).or_default().take(place, topic, message)
     });
     read.map_err(|what| CaptureError::bad_data(file.path(), what))?;
@@ -78,7 +86,7 @@ pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> 
 fn check_stamped(n_stamped: usize) -> Result<(), String> {
     if n_stamped > MAX_STAMPED {
         return Err(format!(
-            "holds more than {MAX_STAMPED} images and samples of gyros; record less into one bag, or split it with `rosbag filter`"
+            "holds more than {MAX_STAMPED} images and samples of gyros and accelerometers; record less into one bag, or split it with `rosbag filter`"
         ));
     }
     Ok(())
@@ -108,6 +116,13 @@ impl Device {
                 self.depth_units.insert(sensor, message::number(message)?);
             }
             Topic::Gyro { .. } => self.gyro.push((place, GyroSample::parse(message)?)),
+            Topic::Accel { .. } => {
+                self.accel.extend(AccelSample::parse(message)?.map(|sample| (place, sample)));
+            }
+            // What is no motion says nothing, as it does not with the SDK: no frame needs it.
+            Topic::AccelExtrinsics { group, .. } => {
+                self.accel_from_group = message::motion(message).ok().map(|motion| (group, motion.rotation));
+            }
             Topic::Image { sensor, stream, part, .. } => {
                 let stream = match stream {
                     Stream::Depth => &mut self.depth,
@@ -165,6 +180,13 @@ impl Device {
         }
         check_housing(&color_from_depth)?;
         Ok(Some(DepthCamera { camera, color_from_depth }))
+    }
+
+    /// How the accelerometer is turned against colour; `None` where the bag does not say.
+    pub(super) fn color_from_accel(&self) -> Option<UnitQuaternion<f64>> {
+        let (color_group, color_from_group) = self.color.stream_from_group?;
+        let (accel_group, accel_from_group) = self.accel_from_group?;
+        (color_group == accel_group).then(|| color_from_group.rotation * accel_from_group.inverse())
     }
 
     /// `None` where the two streams do not refer to the same third.
