@@ -222,3 +222,68 @@ impl ImageStream {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::stamps;
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn header(ms: u32) -> Vec<u8> {
+        let header = [0, ms / 1000, ms % 1000 * 1_000_000, 0].map(u32::to_le_bytes);
+        header.concat()
+    }
+
+    fn numbers(values: &[f64]) -> Vec<u8> {
+        values.iter().flat_map(|value| value.to_le_bytes()).collect()
+    }
+
+    /// A device that takes a frame of colour and depth every 33 ms, whose colour camera is a quarter turn about z away from the origin of the
+    /// extrinsics, as is `accel_xyzw` of the accelerometer.
+    fn device(group: u32, accel_xyzw: [f64; 4]) -> Device {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let mut device = Device::default();
+        let mut take = |topic, message: Vec<u8>| {
+            device.take(Place::default(), topic, &message).expect("a message");
+        };
+        let color = |part| Topic::Image { device: 0, sensor: 1, stream: Stream::Color, part };
+        let depth = |part| Topic::Image { device: 0, sensor: 0, stream: Stream::Depth, part };
+        let motion = |xyzw: [f64; 4]| [numbers(&[0.0, 0.01, 0.0]), numbers(&xyzw)].concat();
+        take(color(Part::Extrinsics { group: 1 }), motion([0.0, 0.0, half, half]));
+        take(Topic::AccelExtrinsics { device: 0, group }, motion(accel_xyzw));
+        for ms in [1000, 1033, 1066] {
+            take(color(Part::Data), header(ms));
+            take(depth(Part::Data), header(ms));
+        }
+        for (ms, x, y) in
+            [(900, 99.0, 99.0), (990, 1.0, 9.0), (1000, 3.0, 9.0), (1010, 0.0, f64::NAN), (1020, 8.0, 2.0)]
+        {
+            let felt = numbers(&[x, y, 0.5]);
+            take(Topic::Accel { device: 0 }, [header(ms), vec![0; 25 * 8], felt].concat());
+        }
+        device
+    }
+
+    fn forces(device: &Device) -> Vec<Option<Vector3<f64>>> {
+        let frames = stamps::frames(device);
+        frames.iter().map(|frame| frame.specific_force.map(|force| force.mean_m_per_s2)).collect()
+    }
+
+    #[test]
+    fn a_frame_has_the_mean_force_since_the_one_before_in_the_axes_of_colour() {
+        let found = forces(&device(1, [0.0, 0.0, 0.0, 1.0]));
+        // x of the accelerometer is y of colour. What was felt long before the first frame, or is no number, does not count.
+        let expected = [Some([-9.0, 2.0, 0.5]), Some([-2.0, 8.0, 0.5]), None];
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected.map(|force| force.map(Vector3::from))) {
+            let gap = found.zip(expected).map_or(0.0, |(found, expected)| (found - expected).norm());
+            assert!(found.is_some() == expected.is_some() && gap < 1e-9, "{found:?}, not {expected:?}");
+        }
+    }
+
+    #[test]
+    fn an_accelerometer_of_another_group_or_without_a_rotation_says_nothing() {
+        assert_eq!(forces(&device(2, [0.0, 0.0, 0.0, 1.0])), [None; 3]);
+        assert_eq!(forces(&device(1, [0.0; 4])), [None; 3], "never set");
+    }
+}
