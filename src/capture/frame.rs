@@ -1,5 +1,7 @@
 //! One RGB-D frame and what is fixed about the camera it comes from.
 
+use nalgebra::{UnitQuaternion, Vector3};
+
 use crate::geometry::{Camera, DepthCamera};
 use crate::image::DepthView;
 
@@ -29,6 +31,29 @@ pub struct CameraInfo {
 pub struct TurnRate {
     /// Largest norm of the gyro's samples since the previous frame, in the camera's own clock; finite and not negative.
     pub max_rad_per_s: f64,
+}
+
+/// What a camera's accelerometer felt between its previous frame and this one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpecificForce {
+    /// Mean of the samples, in the axes of the colour camera (x right, y down, z forward); finite. At rest it points up and is as long
+    /// as [`SpecificForce::AT_REST_M_PER_S2`].
+    pub mean_m_per_s2: Vector3<f64>,
+}
+
+impl SpecificForce {
+    /// What the ground holds against gravity; nowhere on it 0.5 % more or less.
+    pub const AT_REST_M_PER_S2: f64 = 9.81;
+
+    /// The mean of samples in the accelerometer's axes; `None` where there is none.
+    pub fn mean(
+        samples: impl Iterator<Item = Vector3<f64>>,
+        color_from_accel: &UnitQuaternion<f64>,
+    ) -> Option<Self> {
+        let add = |(sum, n): (Vector3<f64>, u32), sample| (sum + sample, n + 1);
+        let (sum, n) = samples.fold((Vector3::zeros(), 0), add);
+        (n > 0).then(|| Self { mean_m_per_s2: color_from_accel * (sum / f64::from(n)) })
+    }
 }
 
 /// Whose clock a frame's stamp is of.
@@ -82,6 +107,9 @@ pub struct RgbdFrame {
     pub depth_unit_m: f64,
     /// How fast the camera turned; `None` where there is no gyro, or it said nothing since the previous frame.
     pub turn_rate: Option<TurnRate>,
+    /// What the accelerometer felt; `None` where there is none, where it said nothing since the previous frame, or where nobody knows how
+    /// it is turned against the colour camera.
+    pub specific_force: Option<SpecificForce>,
     /// Where the stamp comes from.
     pub timing: FrameTiming,
 }
@@ -116,5 +144,21 @@ impl RgbdFrame {
     pub fn is_of(&self, camera: &Camera) -> bool {
         let size = (camera.width_px() as usize, camera.height_px() as usize);
         self.is_consistent() && (self.width, self.height) == size
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_is_turned_into_the_axes_of_colour() {
+        // The accelerometer lies with its x axis up, where colour has y down.
+        let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_2);
+        let samples = [[9.7, 0.2, 1.0], [9.9, -0.2, 2.0]].map(Vector3::from);
+        let force = SpecificForce::mean(samples.into_iter(), &quarter).expect("two samples");
+        let expected = Vector3::new(0.0, -9.8, 1.5);
+        assert!((force.mean_m_per_s2 - expected).norm() < 1e-12, "{force:?}");
+        assert_eq!(SpecificForce::mean(std::iter::empty(), &quarter), None);
     }
 }

@@ -17,7 +17,7 @@ pub mod writer;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-pub use frame::{CameraInfo, FrameTiming, RgbdFrame, StampClock, StampNs, TurnRate};
+pub use frame::{CameraInfo, FrameTiming, RgbdFrame, SpecificForce, StampClock, StampNs, TurnRate};
 
 /// Lists and opens the devices of one back end.
 pub trait DeviceFactory: Send + Sync {

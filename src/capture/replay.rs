@@ -200,6 +200,7 @@ fn copy(from: &RgbdFrame, to: &mut RgbdFrame) {
     to.rgb.clone_from(&from.rgb);
     to.depth.clone_from(&from.depth);
     to.depth_unit_m = from.depth_unit_m;
-    (to.depth_camera, to.turn_rate) = (from.depth_camera, from.turn_rate);
+    to.depth_camera = from.depth_camera;
+    (to.turn_rate, to.specific_force) = (from.turn_rate, from.specific_force);
     (to.width, to.height) = (from.width, from.height);
 }

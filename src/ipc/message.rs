@@ -193,6 +193,9 @@ pub struct CameraHealth {
     pub valid_depth: Option<f64>,
     /// Whose clock stamped the newest frame; `None` before it.
     pub clock: Option<FrameClock>,
+    /// Angle between where this camera feels up and where the reference camera does, by the served calibration, deg; 0 for the reference
+    /// camera itself. `None` without accelerometers or places of both.
+    pub gravity_off_deg: Option<f64>,
 }
 
 /// Whose clock a camera's frames are stamped with.

@@ -3,6 +3,9 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
+use nalgebra::Vector3;
+
+use super::plumb::PlumbCell;
 use super::stats::Counter;
 use crate::capture::{RgbdFrame, StampClock};
 
@@ -30,6 +33,9 @@ pub struct FrameHealth {
     pub valid_depth: Option<f64>,
     /// Whose clock stamped the newest frame; `None` before it.
     pub clock: Option<StampClock>,
+    /// Which way is up in the axes of the colour camera: its specific force over about a second. `None` where nothing tells it, or while
+    /// the rig is shaken.
+    pub up_m_per_s2: Option<Vector3<f64>>,
 }
 
 /// The same while it is counted. Relaxed throughout: nothing is handed over through a count.
@@ -42,6 +48,7 @@ pub(super) struct FrameHealthCell {
     is_below_floor: AtomicBool,
     /// One more than the place in [`CLOCKS`].
     clock: AtomicU8,
+    plumb: PlumbCell,
 }
 
 impl FrameHealthCell {
@@ -49,6 +56,7 @@ impl FrameHealthCell {
     pub(super) fn note(&self, frame: &RgbdFrame) -> Option<f64> {
         let clock = CLOCKS.iter().position(|clock| *clock == frame.timing.clock);
         self.clock.store(clock.map_or(0, |at| at as u8 + 1), Ordering::Relaxed);
+        self.plumb.note(frame);
         let share = valid_share(&frame.depth);
         self.valid_depth.store((share * WHOLE).round() as u32 + 1, Ordering::Relaxed);
         let was_below = self.is_below_floor.load(Ordering::Relaxed);
@@ -66,6 +74,7 @@ impl FrameHealthCell {
             bad: self.bad.get(),
             valid_depth: valid_depth.map(|readings| f64::from(readings) / WHOLE),
             clock: clock.and_then(|at| CLOCKS.get(at).copied()),
+            up_m_per_s2: self.plumb.read(),
         }
     }
 }

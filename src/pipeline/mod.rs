@@ -30,6 +30,7 @@ pub mod matcher;
 pub mod motion;
 pub mod offline;
 mod options;
+mod plumb;
 mod publish;
 mod pulse;
 mod queues;

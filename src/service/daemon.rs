@@ -16,6 +16,7 @@ use super::Attachments;
 use super::apart::ApartTeller;
 use super::config::{Config, OnMoved};
 use super::logging::LogHandle;
+use super::plumb::PlumbTeller;
 use super::reload::Reloader;
 use super::state::{self, Life};
 use super::stop::Stop;
@@ -52,6 +53,7 @@ struct Daemon {
     progress: ProgressTeller,
     health: HealthTeller,
     apart: ApartTeller,
+    plumb: PlumbTeller,
     on_moved: OnMoved,
     /// A new calibration began without being asked for: until it converges, the old result stays published.
     keeps_result: bool,
@@ -98,6 +100,7 @@ impl Daemon {
             progress: ProgressTeller::default(),
             health: HealthTeller::new(Instant::now()),
             apart: ApartTeller::new(config.pipeline.sync.max_skew),
+            plumb: PlumbTeller::default(),
             on_moved: config.on_moved,
             keeps_result: false,
             unpublished: (0, None),
@@ -232,7 +235,10 @@ impl Daemon {
     }
 
     fn tell_health(&mut self, live: &Live<'_>) {
-        let message = self.health.message(&live.pipeline.snapshot(), self.life.watch());
+        let pipeline = live.pipeline.snapshot();
+        let served = self.published.as_ref().map(|message| &message.calibration);
+        let gravity_off_deg = self.plumb.look(&pipeline, served);
+        let message = self.health.message(&pipeline, self.life.watch(), &gravity_off_deg);
         self.note(live.server.publish_health(&message));
         if let (count, Some(error)) = std::mem::take(&mut self.unpublished) {
             tracing::warn!(count, %error, "messages could not be published");

@@ -6,6 +6,7 @@ mod daemon;
 mod error;
 pub mod logging;
 mod manager;
+mod plumb;
 mod reload;
 mod rig;
 mod state;

@@ -101,8 +101,13 @@ impl HealthTeller {
         self.last.is_none_or(|last| last.elapsed() >= interval)
     }
 
-    /// The message about the pipeline as it is now, and how the result stands.
-    pub fn message(&mut self, pipeline: &Snapshot, watch: Option<&WatchReport>) -> HealthMessage {
+    /// The message about the pipeline as it is now, how the result stands, and how far each camera's up is off.
+    pub fn message(
+        &mut self,
+        pipeline: &Snapshot,
+        watch: Option<&WatchReport>,
+        gravity_off_deg: &[Option<f64>],
+    ) -> HealthMessage {
         let elapsed_s = self.last.unwrap_or(self.started).elapsed().as_secs_f64().max(1e-3);
         self.last = Some(Instant::now());
         self.sequence += 1;
@@ -119,6 +124,7 @@ impl HealthTeller {
             bad: camera.frame_health.bad,
             valid_depth: camera.frame_health.valid_depth,
             clock: camera.frame_health.clock.map(FrameClock::from),
+            gravity_off_deg: gravity_off_deg.get(index).copied().flatten(),
         };
         let cameras = pipeline.cameras.iter().enumerate().map(health).collect();
         self.frames = pipeline.cameras.iter().map(|camera| camera.frames).collect();

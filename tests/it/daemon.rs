@@ -290,3 +290,27 @@ fn the_log_is_json_when_asked() {
     daemon.signal("TERM");
     daemon.wait().expect_code(0);
 }
+
+#[test]
+fn a_calibrated_rig_with_accelerometers_agrees_with_gravity_and_one_without_says_nothing_of_it() {
+    for has_accel in [true, false] {
+        let env = TestEnv::new();
+        let _daemon = env.start_daemon(&env.config(&format!(
+            "cameras:\n  backend: synthetic\n  synthetic: {{rig: pair, yaw_deg: 15.0, baseline_m: 0.25, seed: 7, rate_hz: 10.0, \
+             view_step: 1.0, frames_per_view: 10, accel: {has_accel}}}\n"
+        )));
+        let off_deg = |status: &Value| -> Vec<Option<f64>> {
+            let cameras = status["cameras"].as_array().unwrap().iter();
+            cameras.map(|camera| camera["gravity_off_deg"].as_f64()).collect()
+        };
+        env.wait_for_status("small angles once calibrated", |status| {
+            let is_small = |off_deg: &Option<f64>| off_deg.is_some_and(|off_deg| off_deg < 0.5);
+            match has_accel {
+                true => status["state"] == "converged" && off_deg(status).iter().all(is_small),
+                false => status["state"] == "collecting" && off_deg(status) == [None, None],
+            }
+        });
+        let text = env.pelical(&["status"]).expect_code(0).stdout;
+        assert_eq!(text.contains("gravity off deg"), has_accel, "{text}");
+    }
+}

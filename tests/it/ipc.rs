@@ -76,6 +76,7 @@ fn health(sequence: u64) -> HealthMessage {
         bad: 0,
         valid_depth: Some(0.75),
         clock: Some(FrameClock::Source),
+        gravity_off_deg: Some(0.5),
     };
     let stage = StageLatency {
         stage: "detect".to_owned(),

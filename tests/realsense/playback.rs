@@ -3,13 +3,15 @@
 use std::thread;
 use std::time::Duration;
 
+use pelical::capture::realsense::{Pace, RealsenseFactory, RealsenseOptions};
 use pelical::capture::{CaptureError, DeviceFactory, RgbdFrame, StampClock, StampNs};
 use pelical::geometry::Distortion;
 use tempfile::tempdir;
 
 use crate::recorder::{Script, record};
 use crate::scenes::{
-    COLOR, DEPTH, N_FRAMES, SERIALS, all_frames, factory, script, stamp_ms, turn_rad_per_s, two_cameras,
+    COLOR, DEPTH, N_FRAMES, SERIALS, all_frames, factory, force_m_per_s2, script, stamp_ms, turn_rad_per_s,
+    two_cameras,
 };
 
 /// The recorded frames are the last of what is played: before them stand those that the recorder may lose.
@@ -32,6 +34,9 @@ fn check_frames(frames: &[RgbdFrame], script: &Script, seed: usize) {
         assert_eq!(frame.depth_unit_m, 0.0005);
         let rate = frame.turn_rate.expect("a gyroscope").max_rad_per_s;
         assert!((rate - turn_rad_per_s(number, seed)).abs() < 1e-6, "frame {number}: {rate} rad/s");
+        let force = frame.specific_force.expect("an accelerometer").mean_m_per_s2;
+        let gap_m_per_s2 = (force - force_m_per_s2(number, seed)).norm();
+        assert!(gap_m_per_s2 < 1e-5, "frame {number}: {force} m/s², {gap_m_per_s2} off");
     }
     let numbers: Vec<u64> = recorded(frames).iter().map(|frame| frame.sequence).collect();
     assert!(numbers.windows(2).all(|pair| pair[1] == pair[0] + 1), "{numbers:?}");
@@ -172,4 +177,25 @@ fn a_lens_that_is_not_known_is_refused() {
     record(&script, &path);
     let refused = factory(&[path]).open(SERIALS[0]).err().expect("a fish-eye").to_string();
     assert!(refused.contains("kannala_brandt4") && refused.contains(SERIALS[0]), "{refused}");
+}
+
+#[test]
+fn an_accelerometer_that_nobody_can_place_or_nobody_wants_is_not_read_and_the_gyroscope_is() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("unplaced.bag");
+    record(&Script { color_from_accel: None, ..script(SERIALS[0], 0) }, &path);
+    let placed = two_cameras(folder.path())[0].clone();
+    for (path, accel) in [(path, true), (placed, false)] {
+        let options = RealsenseOptions {
+            playback: vec![path],
+            pace: Pace::Unpaced,
+            accel,
+            ..RealsenseOptions::default()
+        };
+        let frames = all_frames(&RealsenseFactory::new(options), SERIALS[0]);
+        for frame in recorded(&frames) {
+            assert_eq!(frame.specific_force, None);
+            assert!(frame.turn_rate.is_some());
+        }
+    }
 }

@@ -24,6 +24,9 @@ static RECORDER: Mutex<()> = Mutex::new(());
 static IN_FLIGHT: AtomicUsize = AtomicUsize::new(0);
 const MAX_IN_FLIGHT: usize = 8;
 
+/// Number of the accelerometer among the streams of a device.
+const ACCEL_ID: c_int = 3;
+
 #[repr(C)]
 struct VideoStream {
     stream: sys::rs2_stream,
@@ -138,6 +141,8 @@ pub struct Script {
     pub depth: Lens,
     /// Rotation, column-major, and translation, m.
     pub color_from_depth: ([f32; 9], [f32; 3]),
+    /// How the accelerometer is turned, column-major; `None` where the recording does not say.
+    pub color_from_accel: Option<[f32; 9]>,
     pub depth_unit_m: f32,
     /// Of colour and depth, as the recording declares it.
     pub rate_hz: i32,
@@ -183,6 +188,8 @@ struct Streams {
     motion: *mut sys::rs2_sensor,
     gyro: *mut sys::rs2_stream_profile,
     accel: *mut sys::rs2_stream_profile,
+    /// What stands in for the accelerometer where extrinsics are registered.
+    stand_in: Option<(*mut sys::rs2_sensor, *mut sys::rs2_stream_profile)>,
 }
 
 /// Writes the recording; it is complete when this returns.
@@ -201,6 +208,9 @@ pub fn record(script: &Script, path: &Path) {
         sdk!(rs2_software_device_register_info, device, info, value.as_ptr());
     }
     let streams = add_streams(script, device);
+    if let Some(stand_in) = streams.stand_in {
+        place_accel(script, stand_in);
+    }
     let file = CString::new(path.to_str().unwrap()).unwrap();
     let recorder = sdk!(sys::rs2_create_record_device, device, file.as_ptr());
     let list = sdk!(sys::rs2_query_sensors, recorder);
@@ -269,11 +279,48 @@ fn add_streams(script: &Script, device: *mut sys::rs2_device) -> Streams {
     let rgb8 = (&script.color, sys::rs2_format_RS2_FORMAT_RGB8, 3);
     let color = video(rgb, sys::rs2_stream_RS2_STREAM_COLOR, 2, rgb8);
     let imu = sensor("Motion Module");
-    let accel = motion(imu, sys::rs2_stream_RS2_STREAM_ACCEL, 3, 100);
+    let accel = motion(imu, sys::rs2_stream_RS2_STREAM_ACCEL, ACCEL_ID, 100);
     let gyro = motion(imu, sys::rs2_stream_RS2_STREAM_GYRO, 4, 200);
     let (rotation, translation) = script.color_from_depth;
     sdk!(sys::rs2_register_extrinsics, depth, color, sys::rs2_extrinsics { rotation, translation });
-    Streams { depth: (stereo, depth), color: (rgb, color), motion: imu, gyro, accel }
+    let stand_in = script.color_from_accel.map(|rotation| {
+        let spare = sensor("Spare");
+        let y8 = (&script.depth, sys::rs2_format_RS2_FORMAT_Y8, 1);
+        let stand_in = video(spare, sys::rs2_stream_RS2_STREAM_INFRARED, ACCEL_ID, y8);
+        let extrinsics = sys::rs2_extrinsics { rotation, translation: [-0.0202, 0.0051, 0.0117] };
+        sdk!(sys::rs2_register_extrinsics, accel, color, extrinsics);
+        sdk!(sys::rs2_register_extrinsics, stand_in, color, extrinsics);
+        (spare, stand_in)
+    });
+    Streams { depth: (stereo, depth), color: (rgb, color), motion: imu, gyro, accel, stand_in }
+}
+
+/// Makes the software device know of the accelerometer's extrinsics, which it does of a stream by its number and only when an image of
+/// that number comes (librealsense 2.56): one image of a stand-in does it, before there is a recorder.
+fn place_accel(script: &Script, (sensor, profile): (*mut sys::rs2_sensor, *mut sys::rs2_stream_profile)) {
+    let (width, height) = script.depth.size;
+    let mut pixels = vec![0u8; usize::try_from(width * height).unwrap()];
+    let queue = sdk!(sys::rs2_create_frame_queue, 1);
+    sdk!(sys::rs2_open, sensor, profile.cast_const());
+    sdk!(sys::rs2_start_queue, sensor, queue);
+    wait_for_the_writer();
+    let image = VideoFrameIn {
+        pixels: pixels.as_mut_ptr().cast(),
+        deleter: Some(written),
+        stride: width,
+        bytes_per_pixel: 1,
+        timestamp_ms: 1.0,
+        domain: sys::rs2_timestamp_domain_RS2_TIMESTAMP_DOMAIN_HARDWARE_CLOCK,
+        number: 1,
+        profile: profile.cast_const(),
+        depth_unit_m: 0.0,
+    };
+    sdk!(rs2_software_sensor_on_video_frame, sensor, image);
+    sdk!(sys::rs2_stop, sensor);
+    sdk!(sys::rs2_close, sensor);
+    // SAFETY: created above, deleted once; with it goes the image, whose pixels are dropped after it.
+    unsafe { sys::rs2_delete_frame_queue(queue) };
+    drop(pixels);
 }
 
 /// What was pushed, which the SDK reads from until the recorder is deleted.

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Vector3;
+
 use crate::recorder::{Lens, Moment, Script, record};
 use pelical::capture::RgbdFrame;
 use pelical::capture::realsense::{Pace, RealsenseFactory, RealsenseOptions};
@@ -31,6 +33,7 @@ pub fn script(serial: &str, seed: usize) -> Script {
         },
         depth: lens(DEPTH, sys::rs2_distortion_RS2_DISTORTION_BROWN_CONRADY),
         color_from_depth: ([cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0], [0.0149, 0.0001, -0.0002]),
+        color_from_accel: Some(COLOR_FROM_ACCEL),
         depth_unit_m: 0.0005,
         rate_hz: 30,
         depth_late_ms: 0.0,
@@ -48,13 +51,32 @@ pub fn turn_rad_per_s(number: usize, seed: usize) -> f64 {
     0.5 + 0.01 * number as f64 + 0.1 * seed as f64
 }
 
+/// A quarter turn about z, by columns: the accelerometer's x axis is down in the image.
+const COLOR_FROM_ACCEL: [f32; 9] = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+
+/// A sample of a camera that is tilted from frame to frame, with noise, in the axes of the accelerometer.
+fn accel_m_per_s2((number, seed): (usize, usize), sample: u8) -> [f32; 3] {
+    let tilt_rad = 0.02 * number as f32 + 0.1 * seed as f32;
+    let noise = [0.3, -0.1, 0.25][usize::from(sample)];
+    [-9.81 * tilt_rad.cos() + noise, 0.5 * noise, 9.81 * tilt_rad.sin() - noise]
+}
+
+/// The mean of a frame's samples in the axes of colour.
+pub fn force_m_per_s2(number: usize, seed: usize) -> Vector3<f64> {
+    let samples = (0..3).map(|sample| accel_m_per_s2((number, seed), sample).map(f64::from));
+    samples.map(|[x, y, z]| Vector3::new(-y, x, z)).sum::<Vector3<f64>>() / 3.0
+}
+
 fn moment(number: usize, seed: usize) -> Moment {
     let stamp_ms = stamp_ms(number);
     let gyro = (0..6u8).map(|sample| {
         let share = if sample == 1 { 1.0 } else { 0.25 };
         (stamp_ms - 30.0 + 5.0 * f64::from(sample), [0.0, (turn_rad_per_s(number, seed) * share) as f32, 0.0])
     });
-    let accel = (0..3u8).map(|sample| (stamp_ms - 30.0 + 10.0 * f64::from(sample), [0.0, -9.81, 0.0]));
+    let accel = (0..3).map(|sample| {
+        let felt = accel_m_per_s2((number, seed), sample);
+        (stamp_ms - 30.0 + 10.0 * f64::from(sample), felt)
+    });
     Moment {
         stamp_ms,
         rgb: (0..3 * COLOR.0 * COLOR.1).map(|at| (at * 7 + number * 13 + seed * 101) as u8).collect(),

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::UnitQuaternion;
+
 use super::file::{BagFile, Place};
-use super::message::{self, GyroSample, Image};
+use super::message::{self, AccelSample, GyroSample, Image};
 use super::topic::{Part, Stream, Topic};
 use crate::capture::realsense::depth_unit::depth_unit_m;
 use crate::capture::recording::check_housing;
@@ -13,8 +15,8 @@ use crate::geometry::{Camera, DepthCamera};
 
 /// m; what registered depth may be away from colour by rounding.
 const NO_SHIFT: f64 = 1e-9;
-/// Images and samples of gyros in one bag, of each of which a few dozen bytes are kept: two hours of a camera at 60 frames per second
-/// with its gyro at 400 Hz. Packed, many more fit into a small file.
+/// Images and samples of gyros and accelerometers in one bag, of each of which a few dozen bytes are kept: two hours of a camera at 60 frames per second
+/// with its gyro at 400 Hz and its accelerometer at 63 Hz. Packed, many more fit into a small file.
 const MAX_STAMPED: usize = 4_000_000;
 /// Bytes; serial numbers and versions have a dozen.
 const MAX_ABOUT_BYTES: usize = 256;
@@ -29,6 +31,9 @@ pub(super) struct Device {
     pub(super) color: ImageStream,
     pub(super) depth: ImageStream,
     pub(super) gyro: Vec<(Place, GyroSample)>,
+    pub(super) accel: Vec<(Place, AccelSample)>,
+    /// Group and rotation into the accelerometer's axes.
+    accel_from_group: Option<(u32, UnitQuaternion<f64>)>,
 }
 
 /// One stream of images.
@@ -63,12 +68,15 @@ pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> 
     let mut devices: BTreeMap<u32, Device> = BTreeMap::new();
     let mut n_stamped = 0;
     let read = file.each_message(|place, topic, message| {
-        n_stamped += usize::from(matches!(topic, Topic::Gyro { .. } | Topic::Image { part: Part::Data, .. }));
+        let is_sample = matches!(topic, Topic::Gyro { .. } | Topic::Accel { .. });
+        n_stamped += usize::from(is_sample || matches!(topic, Topic::Image { part: Part::Data, .. }));
         check_stamped(n_stamped)?;
         let (Topic::Device { device }
         | Topic::DepthUnit { device, .. }
         | Topic::Image { device, .. }
-        | Topic::Gyro { device }) = topic;
+        | Topic::Gyro { device }
+        | Topic::Accel { device }
+        | Topic::AccelExtrinsics { device, .. }) = topic;
         devices.entry(device).or_default().take(place, topic, message)
     });
     read.map_err(|what| CaptureError::bad_data(file.path(), what))?;
@@ -78,7 +86,7 @@ pub(super) fn read_devices(file: &BagFile) -> Result<Vec<Device>, CaptureError> 
 fn check_stamped(n_stamped: usize) -> Result<(), String> {
     if n_stamped > MAX_STAMPED {
         return Err(format!(
-            "holds more than {MAX_STAMPED} images and samples of gyros; record less into one bag, or split it with `rosbag filter`"
+            "holds more than {MAX_STAMPED} images and samples of gyros and accelerometers; record less into one bag, or split it with `rosbag filter`"
         ));
     }
     Ok(())
@@ -108,6 +116,13 @@ impl Device {
                 self.depth_units.insert(sensor, message::number(message)?);
             }
             Topic::Gyro { .. } => self.gyro.push((place, GyroSample::parse(message)?)),
+            Topic::Accel { .. } => {
+                self.accel.extend(AccelSample::parse(message)?.map(|sample| (place, sample)));
+            }
+            // What is no motion says nothing, as it does not with the SDK: no frame needs it.
+            Topic::AccelExtrinsics { group, .. } => {
+                self.accel_from_group = message::motion(message).ok().map(|motion| (group, motion.rotation));
+            }
             Topic::Image { sensor, stream, part, .. } => {
                 let stream = match stream {
                     Stream::Depth => &mut self.depth,
@@ -167,6 +182,13 @@ impl Device {
         Ok(Some(DepthCamera { camera, color_from_depth }))
     }
 
+    /// How the accelerometer is turned against colour; `None` where the bag does not say.
+    pub(super) fn color_from_accel(&self) -> Option<UnitQuaternion<f64>> {
+        let (color_group, color_from_group) = self.color.stream_from_group?;
+        let (accel_group, accel_from_group) = self.accel_from_group?;
+        (color_group == accel_group).then(|| color_from_group.rotation * accel_from_group.inverse())
+    }
+
     /// `None` where the two streams do not refer to the same third.
     fn color_from_depth(&self) -> Option<Motion> {
         let (color_group, color_from_group) = self.color.stream_from_group?;
@@ -198,5 +220,70 @@ impl ImageStream {
             },
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::stamps;
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn header(ms: u32) -> Vec<u8> {
+        let header = [0, ms / 1000, ms % 1000 * 1_000_000, 0].map(u32::to_le_bytes);
+        header.concat()
+    }
+
+    fn numbers(values: &[f64]) -> Vec<u8> {
+        values.iter().flat_map(|value| value.to_le_bytes()).collect()
+    }
+
+    /// A device that takes a frame of colour and depth every 33 ms, whose colour camera is a quarter turn about z away from the origin of the
+    /// extrinsics, as is `accel_xyzw` of the accelerometer.
+    fn device(group: u32, accel_xyzw: [f64; 4]) -> Device {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let mut device = Device::default();
+        let mut take = |topic, message: Vec<u8>| {
+            device.take(Place::default(), topic, &message).expect("a message");
+        };
+        let color = |part| Topic::Image { device: 0, sensor: 1, stream: Stream::Color, part };
+        let depth = |part| Topic::Image { device: 0, sensor: 0, stream: Stream::Depth, part };
+        let motion = |xyzw: [f64; 4]| [numbers(&[0.0, 0.01, 0.0]), numbers(&xyzw)].concat();
+        take(color(Part::Extrinsics { group: 1 }), motion([0.0, 0.0, half, half]));
+        take(Topic::AccelExtrinsics { device: 0, group }, motion(accel_xyzw));
+        for ms in [1000, 1033, 1066] {
+            take(color(Part::Data), header(ms));
+            take(depth(Part::Data), header(ms));
+        }
+        for (ms, x, y) in
+            [(900, 99.0, 99.0), (990, 1.0, 9.0), (1000, 3.0, 9.0), (1010, 0.0, f64::NAN), (1020, 8.0, 2.0)]
+        {
+            let felt = numbers(&[x, y, 0.5]);
+            take(Topic::Accel { device: 0 }, [header(ms), vec![0; 25 * 8], felt].concat());
+        }
+        device
+    }
+
+    fn forces(device: &Device) -> Vec<Option<Vector3<f64>>> {
+        let frames = stamps::frames(device);
+        frames.iter().map(|frame| frame.specific_force.map(|force| force.mean_m_per_s2)).collect()
+    }
+
+    #[test]
+    fn a_frame_has_the_mean_force_since_the_one_before_in_the_axes_of_colour() {
+        let found = forces(&device(1, [0.0, 0.0, 0.0, 1.0]));
+        // x of the accelerometer is y of colour. What was felt long before the first frame, or is no number, does not count.
+        let expected = [Some([-9.0, 2.0, 0.5]), Some([-2.0, 8.0, 0.5]), None];
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected.map(|force| force.map(Vector3::from))) {
+            let gap = found.zip(expected).map_or(0.0, |(found, expected)| (found - expected).norm());
+            assert!(found.is_some() == expected.is_some() && gap < 1e-9, "{found:?}, not {expected:?}");
+        }
+    }
+
+    #[test]
+    fn an_accelerometer_of_another_group_or_without_a_rotation_says_nothing() {
+        assert_eq!(forces(&device(2, [0.0, 0.0, 0.0, 1.0])), [None; 3]);
+        assert_eq!(forces(&device(1, [0.0; 4])), [None; 3], "never set");
     }
 }

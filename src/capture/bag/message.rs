@@ -27,6 +27,14 @@ pub(super) struct Image<'a> {
     pub(super) data: &'a [u8],
 }
 
+/// `sensor_msgs/Imu` of an accelerometer.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AccelSample {
+    pub(super) stamp_ns: i64,
+    /// In the accelerometer's axes.
+    pub(super) m_per_s2: [f32; 3],
+}
+
 /// `sensor_msgs/Imu` of a gyro.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GyroSample {
@@ -142,6 +150,20 @@ impl GyroSample {
             return Err("a sample of the gyro is not a finite number".into());
         }
         Ok(Self { stamp_ns, rad_per_s })
+    }
+}
+
+impl AccelSample {
+    /// `None` where the sample is no number, as one that the SDK gives is left out then.
+    pub(super) fn parse(message: &[u8]) -> Result<Option<Self>, String> {
+        let mut fields = Fields(message);
+        let stamp_ns = fields.header()?;
+        // Orientation and turn rate with their covariances, which no accelerometer knows.
+        fields.take(25 * 8)?;
+        // The SDK has them in single precision, and so has every camera.
+        let m_per_s2 = fields.vector()?.map(|value| value as f32);
+        let is_finite = m_per_s2.iter().all(|value| value.is_finite());
+        Ok(is_finite.then_some(Self { stamp_ns, m_per_s2 }))
     }
 }
 

@@ -103,7 +103,8 @@ impl Bags {
         };
         let found = stream.frames.binary_search_by_key(&stamp.0, |frame| frame.stamp_ns);
         let found = found.ok().and_then(|idx| stream.frames.get(idx));
-        let BagFrame { color, depth, turn_rate, .. } = *found.ok_or_else(|| bad("there is none".into()))?;
+        let BagFrame { color, depth, turn_rate, specific_force, .. } =
+            *found.ok_or_else(|| bad("there is none".into()))?;
         let depth_camera = info.depth_camera.map_or(info.camera, |imager| imager.camera);
         let read_color =
             |message: &[u8]| pixels::read_color(&Image::parse(message)?, &info.camera, &mut frame.rgb);
@@ -111,7 +112,7 @@ impl Bags {
         let read_depth =
             |message: &[u8]| pixels::read_depth(&Image::parse(message)?, &depth_camera, &mut frame.depth);
         stream.file.read_message(depth, read_depth).map_err(bad)?;
-        frame.turn_rate = turn_rate;
+        (frame.turn_rate, frame.specific_force) = (turn_rate, specific_force);
         Ok(())
     }
 }

@@ -1,8 +1,10 @@
 //! One clock for all images: counters that wrap, depth beside its colour, and cameras whose own clocks know nothing of each other.
 
+use nalgebra::Vector3;
+
 use super::device::{Device, ImageStream, Stamped};
 use super::file::Place;
-use crate::capture::frame::TurnRate;
+use crate::capture::frame::{SpecificForce, TurnRate};
 use crate::capture::realsense::clock::{WRAP_NS, WrappingClock};
 use crate::capture::realsense::pairing::{self, MaxGap};
 
@@ -10,7 +12,7 @@ use crate::capture::realsense::pairing::{self, MaxGap};
 const USUAL_RATE_HZ: f64 = 30.0;
 /// ns; frames of two cameras that are further apart do not even begin to be one set. What is too far is up to the sync limit.
 const MAX_SET_GAP_NS: i64 = 50_000_000;
-/// ns; how long before the first frame the gyro counts.
+/// ns; how long before the first frame gyro and accelerometer count.
 const FIRST_INTERVAL_NS: i64 = 33_333_333;
 
 /// One frame of a camera: colour with the depth that is nearest.
@@ -20,15 +22,17 @@ pub(super) struct BagFrame {
     pub(super) color: Place,
     pub(super) depth: Place,
     pub(super) turn_rate: Option<TurnRate>,
+    pub(super) specific_force: Option<SpecificForce>,
 }
 
 /// Makes the stamps of a device go on where its counter begins again.
 pub(super) fn unwrap(device: &mut Device) {
-    let Device { color, depth, gyro, .. } = device;
+    let Device { color, depth, gyro, accel, .. } = device;
     let images = color.images.iter_mut().chain(&mut depth.images);
     let images = images.map(|image| (image.place, &mut image.stamp_ns));
-    let samples = gyro.iter_mut().map(|(place, sample)| (*place, &mut sample.stamp_ns));
-    let mut stamps: Vec<(Place, &mut i64)> = images.chain(samples).collect();
+    let turns = gyro.iter_mut().map(|(place, sample)| (*place, &mut sample.stamp_ns));
+    let forces = accel.iter_mut().map(|(place, sample)| (*place, &mut sample.stamp_ns));
+    let mut stamps: Vec<(Place, &mut i64)> = images.chain(turns).chain(forces).collect();
     // Time since 1970 is far beyond the counter.
     if stamps.iter().any(|(_, stamp)| **stamp >= WRAP_NS) {
         return;
@@ -45,16 +49,21 @@ pub(super) fn frames(device: &Device) -> Vec<BagFrame> {
     let (color, depth) = (increasing(&device.color.images), increasing(&device.depth.images));
     let max_gap = MaxGap::for_rate(rate_hz(&device.color, &color));
     let (mut colors, mut depths) = (color.iter().peekable(), depth.iter().peekable());
-    let (mut frames, mut rates) = (Vec::new(), TurnRates::new(device));
+    let color_from_accel = device.color_from_accel();
+    let (mut frames, mut rates, mut forces) = (Vec::new(), turn_rates(device), specific_forces(device));
     while let (Some(color), Some(depth)) = (colors.peek(), depths.peek()) {
         let too_old = max_gap.too_old(color.stamp_ns, depth.stamp_ns);
         if too_old.is_none() {
-            let turn_rate = rates.until(color.stamp_ns);
+            let rates = rates.until(color.stamp_ns).iter().map(|(_, rad_per_s)| *rad_per_s);
+            let turn_rate = rates.reduce(f64::max).map(|max_rad_per_s| TurnRate { max_rad_per_s });
+            let forces = forces.until(color.stamp_ns).iter().map(|(_, m_per_s2)| *m_per_s2);
+            let specific_force = color_from_accel.and_then(|turned| SpecificForce::mean(forces, &turned));
             frames.push(BagFrame {
                 stamp_ns: color.stamp_ns,
                 color: color.place,
                 depth: depth.place,
                 turn_rate,
+                specific_force,
             });
         }
         if too_old != Some(pairing::Stream::Depth) {
@@ -134,30 +143,38 @@ fn nearest_partners(stamps: &[i64], others: &[i64], max_gap_ns: i64) -> Vec<Opti
     stamps.iter().enumerate().map(partner).collect()
 }
 
-/// The gyro's samples in order, and how far they have been told.
-struct TurnRates {
-    /// ns and rad/s.
-    samples: Vec<(i64, f64)>,
+/// Norms of the gyro's samples, rad/s.
+fn turn_rates(device: &Device) -> Samples<f64> {
+    Samples::new(device.gyro.iter().map(|(_, sample)| (sample.stamp_ns, sample.rad_per_s)).collect())
+}
+
+/// The accelerometer's samples, m/s², in its own axes.
+fn specific_forces(device: &Device) -> Samples<Vector3<f64>> {
+    let samples = device.accel.iter().map(|(_, sample)| (sample.stamp_ns, sample.m_per_s2.map(f64::from)));
+    Samples::new(samples.map(|(stamp_ns, m_per_s2)| (stamp_ns, Vector3::from(m_per_s2))).collect())
+}
+
+/// A motion sensor's samples in order, and how far they have been told.
+struct Samples<T> {
+    /// With stamps, ns.
+    samples: Vec<(i64, T)>,
     next: usize,
     until_ns: Option<i64>,
 }
 
-impl TurnRates {
-    fn new(device: &Device) -> Self {
-        let samples = device.gyro.iter().map(|(_, sample)| (sample.stamp_ns, sample.rad_per_s));
-        let mut samples: Vec<(i64, f64)> = samples.collect();
-        samples.sort_unstable_by_key(|(stamp_ns, _)| *stamp_ns);
+impl<T> Samples<T> {
+    fn new(mut samples: Vec<(i64, T)>) -> Self {
+        samples.sort_by_key(|(stamp_ns, _)| *stamp_ns);
         Self { samples, next: 0, until_ns: None }
     }
 
-    /// What the gyro said since the last question.
-    fn until(&mut self, stamp_ns: i64) -> Option<TurnRate> {
+    /// What the sensor said since the last question.
+    fn until(&mut self, stamp_ns: i64) -> &[(i64, T)] {
         let since_ns = self.until_ns.replace(stamp_ns).unwrap_or(stamp_ns - FIRST_INTERVAL_NS);
         let behind = |ns: i64| self.samples.partition_point(|(sample_ns, _)| *sample_ns <= ns);
         let (from, to) = (behind(since_ns).max(self.next), behind(stamp_ns));
         self.next = to;
-        let rates = self.samples.get(from..to)?.iter().map(|(_, rad_per_s)| *rad_per_s);
-        rates.reduce(f64::max).map(|max_rad_per_s| TurnRate { max_rad_per_s })
+        self.samples.get(from..to).unwrap_or_default()
     }
 }
 

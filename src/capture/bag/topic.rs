@@ -31,6 +31,18 @@ pub(super) enum Topic {
         /// Number of the device in the bag.
         device: u32,
     },
+    /// Samples of a device's accelerometer.
+    Accel {
+        /// Number of the device in the bag.
+        device: u32,
+    },
+    /// How a device's accelerometer is turned, seen from what all extrinsics of this group refer to.
+    AccelExtrinsics {
+        /// Number of the device in the bag.
+        device: u32,
+        /// Number of the group.
+        group: u32,
+    },
 }
 
 /// Streams of images; others, as infrared, are passed over.
@@ -72,6 +84,8 @@ impl Topic {
                 Some(Self::DepthUnit { device, sensor: number(sensor, "sensor_")? })
             }
             [_, "Gyro_0", "imu", "data"] => Some(Self::Gyro { device }),
+            [_, "Accel_0", "imu", "data"] => Some(Self::Accel { device }),
+            [_, "Accel_0", "tf", group] => Some(Self::AccelExtrinsics { device, group: group.parse().ok()? }),
             [sensor, stream, ref part @ ..] => {
                 let stream = match stream {
                     "Depth_0" => Stream::Depth,
@@ -113,6 +127,9 @@ mod tests {
             ("/device_2/sensor_1/Depth_0/tf/1", image(Stream::Depth, Part::Extrinsics { group: 1 })),
             ("/device_2/sensor_1/Depth_0/image/metadata", image(Stream::Depth, Part::Metadata)),
             ("/device_1/sensor_2/Gyro_0/imu/data", Some(Topic::Gyro { device: 1 })),
+            ("/device_1/sensor_2/Accel_0/imu/data", Some(Topic::Accel { device: 1 })),
+            ("/device_1/sensor_2/Accel_0/tf/0", Some(Topic::AccelExtrinsics { device: 1, group: 0 })),
+            ("/device_1/sensor_2/Accel_0/info", None),
             ("/device_2/sensor_1/Infrared_1/image/data", None),
             ("/device_x/sensor_1/Color_0/image/data", None),
             ("/device_2/sensor_1/Depth_0/tf/99999999999", None),

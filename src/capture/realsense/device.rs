@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 use std::ffi::c_int;
 
+use nalgebra::UnitQuaternion;
 use realsense_rust::device::Device;
 use realsense_rust::kind::{Rs2CameraInfo, Rs2Format, Rs2Option, Rs2StreamKind};
 use realsense_rust::stream_profile::StreamProfile;
 
 use super::depth_unit::depth_unit_m;
-use super::extrinsics::color_from_depth;
+use super::extrinsics::{self, color_from_depth};
 use super::lens::{self, Intrinsics};
 use super::obstacle::Obstacle;
 use super::options::{RealsenseOptions, VideoMode};
@@ -31,6 +32,8 @@ pub(super) struct DevicePlan {
     pub(super) info: CameraInfo,
     pub(super) sensors: Vec<SensorPlan>,
     pub(super) rate_hz: f64,
+    /// How the accelerometer is turned against colour; `None` where none is read.
+    pub(super) color_from_accel: Option<UnitQuaternion<f64>>,
 }
 
 /// One stream of a device that is wanted.
@@ -68,15 +71,27 @@ pub(super) fn plan(device: &Device, options: &RealsenseOptions) -> Result<Device
     let video = |kind, format, mode| Wanted { kind, format, mode: is_live.then_some(mode) };
     let color = find(&lists, &video(Rs2StreamKind::Color, Rs2Format::Rgb8, options.color))?;
     let depth = find(&lists, &video(Rs2StreamKind::Depth, Rs2Format::Z16, options.depth))?;
-    let imu = Wanted { kind: Rs2StreamKind::Gyro, format: Rs2Format::MotionXyz32F, mode: None };
-    let gyro = options.gyro.then(|| find(&lists, &imu).ok()).flatten();
+    let motion = |kind| find(&lists, &Wanted { kind, format: Rs2Format::MotionXyz32F, mode: None }).ok();
+    let gyro = options.gyro.then(|| motion(Rs2StreamKind::Gyro)).flatten();
+    let accel = options.accel.then(|| motion(Rs2StreamKind::Accel)).flatten();
+    let color_from_accel = accel.as_ref().and_then(|accel| color_from(&accel.profile, &color.profile));
+    let accel = accel.filter(|_| color_from_accel.is_some());
     let unit =
         sensors.get(depth.sensor).and_then(|sensor| sensor.options().get_option(Rs2Option::DepthUnits));
     let unit = unit.ok_or_else(|| Obstacle::Failure("it does not say what a depth count is".to_owned()))?;
     let info = camera_info(device, (&color.profile, &depth.profile), unit)?;
     let rate_hz = f64::from(color.profile.framerate().max(1));
-    let found: Vec<Found> = [Some(color), Some(depth), gyro].into_iter().flatten().collect();
-    Ok(DevicePlan { info, sensors: by_sensor(sensors, lists, &found), rate_hz })
+    let found: Vec<Found> = [Some(color), Some(depth), gyro, accel].into_iter().flatten().collect();
+    Ok(DevicePlan { info, sensors: by_sensor(sensors, lists, &found), rate_hz, color_from_accel })
+}
+
+/// How the accelerometer is turned against colour; `None` where the device does not say.
+fn color_from(accel: &StreamProfile, color: &StreamProfile) -> Option<UnitQuaternion<f64>> {
+    let rotation = accel.extrinsics(color).ok().and_then(|found| extrinsics::rotation(found.rotation()));
+    if rotation.is_none() {
+        tracing::debug!("accelerometer is not read: the camera does not say how it is turned against colour");
+    }
+    rotation
 }
 
 /// Sensors without a wanted stream are left out.
@@ -90,7 +105,7 @@ fn by_sensor(sensors: Vec<DeviceSensor>, lists: Vec<ProfileList>, found: &[Found
     sensors.into_iter().zip(lists).enumerate().filter_map(plan).collect()
 }
 
-/// The wanted stream; of several with one mode the slowest, which for a gyroscope is fast enough.
+/// The wanted stream; of several with one mode the slowest, which for a motion sensor is fast enough.
 fn find(lists: &[ProfileList], wanted: &Wanted) -> Result<Found, String> {
     let mut best: Option<Found> = None;
     let mut others = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! Where the depth imager stands beside the colour camera, from the numbers of the SDK.
+//! Where the depth imager stands beside the colour camera, and how the accelerometer is turned, from the numbers of the SDK.
 
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -13,21 +13,25 @@ const MAX_SKEWNESS: f64 = 1e-3;
 /// # Errors
 /// When they are no motion, or not one of two imagers of one camera.
 pub fn color_from_depth(rotation: [f32; 9], translation: [f32; 3]) -> Result<Motion, String> {
-    let matrix = Matrix3::from_column_slice(&rotation.map(f64::from));
     let translation = Vector3::from(translation.map(f64::from));
-    let skewness = (matrix.transpose() * matrix - Matrix3::identity()).amax();
-    let is_rotation = skewness <= MAX_SKEWNESS && matrix.determinant() > 0.0;
-    if !(is_rotation && translation.norm().is_finite()) {
-        return Err(format!(
-            "the extrinsics from depth to colour are no motion: rotation {:?}, translation {:?}",
-            matrix.as_slice(),
+    let found = self::rotation(rotation).filter(|_| translation.norm().is_finite());
+    let rotation = found.ok_or_else(|| {
+        format!(
+            "the extrinsics from depth to colour are no motion: rotation {rotation:?}, translation {:?}",
             translation.as_slice()
-        ));
-    }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
+        )
+    })?;
     let motion = Motion::from_parts(Translation3::from(translation), rotation);
     check_housing(&motion)?;
     Ok(motion)
+}
+
+/// The rotation with this matrix, column-major; `None` where it is none.
+pub fn rotation(matrix: [f32; 9]) -> Option<UnitQuaternion<f64>> {
+    let matrix = Matrix3::from_column_slice(&matrix.map(f64::from));
+    let skewness = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+    let is_rotation = skewness <= MAX_SKEWNESS && matrix.determinant() > 0.0;
+    is_rotation.then(|| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix)))
 }
 
 #[cfg(test)]
@@ -44,6 +48,15 @@ mod tests {
         let point = motion * Point3::new(1.0, 0.0, 2.0);
         let expected = Point3::new(f64::from(cos) + 0.015, f64::from(sin), 2.0);
         assert!((point - expected).norm() < 1e-6, "{point}");
+    }
+
+    #[test]
+    fn a_sensor_may_be_turned_any_way_but_not_mirrored() {
+        // A quarter turn about z, which no two imagers of a camera are turned by.
+        let turned = rotation([0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0]).expect("a rotation");
+        assert!((turned * Vector3::x() - Vector3::y()).norm() < 1e-12);
+        assert_eq!(rotation([-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]), None);
+        assert_eq!(rotation([f32::NAN; 9]), None);
     }
 
     #[test]

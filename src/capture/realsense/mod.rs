@@ -11,6 +11,7 @@ mod device;
 pub mod extrinsics;
 #[cfg(feature = "realsense")]
 mod factory;
+pub mod forces;
 pub mod left_out;
 pub mod lens;
 pub mod obstacle;
@@ -26,6 +27,7 @@ mod source;
 #[cfg(feature = "realsense")]
 mod streams;
 pub mod turning;
+pub mod waiting;
 
 use super::{CaptureError, DeviceFactory};
 

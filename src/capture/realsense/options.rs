@@ -33,6 +33,8 @@ pub struct RealsenseOptions {
     pub depth: VideoMode,
     /// Whether the gyroscope is read where there is one.
     pub gyro: bool,
+    /// Whether the accelerometer is read where there is one.
+    pub accel: bool,
     /// Whether the infrared projector is on; `None` leaves it as it is.
     pub emitter: Option<bool>,
     /// Longest exposure that the cameras may choose by themselves; `None` leaves it to them.
@@ -56,6 +58,7 @@ impl Default for RealsenseOptions {
             color: mode,
             depth: mode,
             gyro: true,
+            accel: true,
             emitter: Some(true),
             max_exposure: None,
             sync_master: None,

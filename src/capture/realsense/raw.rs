@@ -7,7 +7,8 @@ use std::ptr::{NonNull, null_mut};
 use std::time::Duration;
 
 use realsense_rust::device::Device;
-use realsense_rust::frame::{ColorFrame, DepthFrame, GyroFrame, ImageFrame};
+use realsense_rust::frame::{AccelFrame, ColorFrame, DepthFrame, GyroFrame, ImageFrame};
+use realsense_rust::kind::Rs2StreamKind;
 use realsense_rust::sensor::Sensor;
 use realsense_rust::stream_profile::StreamProfile;
 use realsense_sys as sys;
@@ -81,6 +82,32 @@ impl DeviceSensor {
         let list = checked!(sys::rs2_get_stream_profiles, self.0.as_ptr())?;
         NonNull::new(list).map(ProfileList).ok_or_else(|| "the list of streams is null".to_owned())
     }
+
+    /// Opens streams and starts them into a queue, which whoever calls deletes.
+    fn start(
+        &self,
+        (profiles, chosen): (&ProfileList, &[c_int]),
+        capacity: c_int,
+    ) -> Result<NonNull<sys::rs2_frame_queue>, String> {
+        let mut pointers: Vec<*const sys::rs2_stream_profile> = Vec::new();
+        for &index in chosen {
+            let profile = profiles.pointer(index).ok_or_else(|| "a stream is gone".to_owned())?;
+            pointers.push(profile.as_ptr().cast_const());
+        }
+        let n_streams = c_int::try_from(pointers.len()).map_err(|error| error.to_string())?;
+        checked!(sys::rs2_open_multiple, self.0.as_ptr(), pointers.as_mut_ptr(), n_streams)?;
+        let started = checked!(sys::rs2_create_frame_queue, capacity).and_then(|queue| {
+            let queue = NonNull::new(queue).ok_or_else(|| "the queue is null".to_owned())?;
+            let started = checked!(sys::rs2_start_queue, self.0.as_ptr(), queue.as_ptr());
+            started.map(|()| queue).inspect_err(|_| {
+                // SAFETY: made above, deleted once; the sensor was not started with it.
+                unsafe { sys::rs2_delete_frame_queue(queue.as_ptr()) }
+            })
+        });
+        started.inspect_err(|_| {
+            let _ = checked!(sys::rs2_close, self.0.as_ptr());
+        })
+    }
 }
 
 /// What a sensor can stream. The profiles it shows are its own: they must not outlive it.
@@ -115,6 +142,7 @@ pub(super) enum AnyFrame {
     Color(ColorFrame),
     Depth(DepthFrame),
     Gyro(GyroFrame),
+    Accel(AccelFrame),
 }
 
 /// A sensor that streams into a queue of its own, until it is stopped.
@@ -137,33 +165,15 @@ impl Drop for RunningSensor {
 }
 
 impl RunningSensor {
-    /// Opens some streams of a sensor, by their places in its list, and starts them.
+    /// Opens some streams of a sensor, by their places in its list, and starts them; gives the sensor back where it cannot.
     pub(super) fn start(
         sensor: DeviceSensor,
         (profiles, chosen): (&ProfileList, &[c_int]),
         capacity: c_int,
-    ) -> Result<Self, String> {
-        let mut pointers: Vec<*const sys::rs2_stream_profile> = Vec::new();
-        for &index in chosen {
-            let profile = profiles.pointer(index).ok_or_else(|| "a stream is gone".to_owned())?;
-            pointers.push(profile.as_ptr().cast_const());
-        }
-        let n_streams = c_int::try_from(pointers.len()).map_err(|error| error.to_string())?;
-        checked!(sys::rs2_open_multiple, sensor.0.as_ptr(), pointers.as_mut_ptr(), n_streams)?;
-        let started = checked!(sys::rs2_create_frame_queue, capacity).and_then(|queue| {
-            let queue = NonNull::new(queue).ok_or_else(|| "the queue is null".to_owned())?;
-            let started = checked!(sys::rs2_start_queue, sensor.0.as_ptr(), queue.as_ptr());
-            started.map(|()| queue).inspect_err(|_| {
-                // SAFETY: made above, deleted once; the sensor was not started with it.
-                unsafe { sys::rs2_delete_frame_queue(queue.as_ptr()) }
-            })
-        });
-        match started {
+    ) -> Result<Self, (DeviceSensor, String)> {
+        match sensor.start((profiles, chosen), capacity) {
             Ok(queue) => Ok(Self { sensor, queue }),
-            Err(what) => {
-                let _ = checked!(sys::rs2_close, sensor.0.as_ptr());
-                Err(what)
-            }
+            Err(what) => Err((sensor, what)),
         }
     }
 
@@ -191,7 +201,10 @@ impl RunningSensor {
         let taken = if is_a(sys::rs2_extension_RS2_EXTENSION_DEPTH_FRAME) {
             DepthFrame::try_from(frame).map(AnyFrame::Depth)
         } else if is_a(sys::rs2_extension_RS2_EXTENSION_MOTION_FRAME) {
-            GyroFrame::try_from(frame).map(AnyFrame::Gyro)
+            match kind(frame) {
+                Some(Rs2StreamKind::Accel) => AccelFrame::try_from(frame).map(AnyFrame::Accel),
+                _ => GyroFrame::try_from(frame).map(AnyFrame::Gyro),
+            }
         } else {
             ColorFrame::try_from(frame).map(AnyFrame::Color)
         };
@@ -201,6 +214,12 @@ impl RunningSensor {
         }
         taken.ok()
     }
+}
+
+/// Which stream a frame is of.
+fn kind(frame: NonNull<sys::rs2_frame>) -> Option<Rs2StreamKind> {
+    let profile = checked!(sys::rs2_get_frame_stream_profile, frame.as_ptr()).ok()?;
+    StreamProfile::try_from(NonNull::new(profile.cast_mut())?).ok().map(|profile| profile.kind())
 }
 
 /// The bytes of an image, padding of rows included.

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use nalgebra::UnitQuaternion;
 use realsense_rust::device::Device;
 use realsense_rust::frame::{ColorFrame, DepthFrame, FrameEx, ImageFrame};
 use realsense_rust::kind::{Rs2StreamKind, Rs2TimestampDomain};
@@ -10,6 +11,7 @@ use super::age::AgeAlarm;
 use super::clock::{WrappingClock, ns_from_ms};
 use super::device;
 use super::factory::{Recording, Session};
+use super::forces::Forces;
 use super::obstacle::Obstacle;
 use super::options::{Pace, RealsenseOptions};
 use super::pairing::{Pairing, Stream};
@@ -23,7 +25,7 @@ use crate::capture::{CameraInfo, CaptureError, FrameSource, FrameTiming, RgbdFra
 /// Longest wait for one stream before the others are looked after.
 const SLICE: Duration = Duration::from_millis(20);
 /// How long a frame waits for the samples up to its stamp: live, and where nobody is in a hurry.
-const GYRO_WAIT: (Duration, Duration) = (Duration::from_millis(4), Duration::from_millis(100));
+const MOTION_WAIT: (Duration, Duration) = (Duration::from_millis(4), Duration::from_millis(100));
 /// After so long without frames a camera is asked for on the bus, and so often.
 const SILENCE: Duration = Duration::from_secs(1);
 /// A recording in no hurry loses no image of one stream for want of the other, unless that one says nothing for so long.
@@ -39,6 +41,8 @@ pub(super) struct RealsenseSource {
     pairing: Pairing<ColorImage, DepthFrame>,
     streams: Streams,
     turning: Turning,
+    /// `None` where no accelerometer is read.
+    forces: Option<Forces>,
     clock: WrappingClock,
     origin: Origin,
     alarm: AgeAlarm,
@@ -68,7 +72,8 @@ impl RealsenseSource {
         settings::apply(&sensors, options, &serial);
         let streams = Streams::of_camera(plan.sensors).map_err(told)?;
         let origin = Origin::Live { session, asked: Instant::now() };
-        Ok(Self::new((plan.info, plan.rate_hz), (streams, origin), options))
+        let camera = (plan.info, plan.rate_hz, plan.color_from_accel);
+        Ok(Self::new(camera, (streams, origin), options))
     }
 
     /// Starts playing a recording, from its first frame.
@@ -79,11 +84,12 @@ impl RealsenseSource {
         raw::set_real_time(&recording.device, options.pace == Pace::RealTime).map_err(refused)?;
         let streams = Streams::of_recording(plan.sensors, &recording.device).map_err(refused)?;
         let origin = Origin::Recorded { recording, pace: options.pace, ended: false };
-        Ok(Self::new((plan.info, plan.rate_hz), (streams, origin), options))
+        let camera = (plan.info, plan.rate_hz, plan.color_from_accel);
+        Ok(Self::new(camera, (streams, origin), options))
     }
 
     fn new(
-        (info, rate_hz): (CameraInfo, f64),
+        (info, rate_hz, color_from_accel): (CameraInfo, f64, Option<UnitQuaternion<f64>>),
         (streams, origin): (Streams, Origin),
         options: &RealsenseOptions,
     ) -> Self {
@@ -92,6 +98,7 @@ impl RealsenseSource {
             pairing: Pairing::for_rate(rate_hz),
             streams,
             turning: Turning::default(),
+            forces: color_from_accel.map(Forces::new),
             clock: WrappingClock::default(),
             origin,
             alarm: AgeAlarm::new(options.late_after),
@@ -130,6 +137,12 @@ impl RealsenseSource {
                     self.pairing.add_depth(stamp_ns, image);
                 }
             }
+            AnyFrame::Accel(sample) => {
+                let stamp = self.stamp(sample.timestamp(), sample.timestamp_domain());
+                if let (Some((stamp_ns, _)), Some(forces)) = (stamp, &mut self.forces) {
+                    forces.add(stamp_ns, *sample.acceleration());
+                }
+            }
             AnyFrame::Gyro(sample) => {
                 if let Some((stamp_ns, _)) = self.stamp(sample.timestamp(), sample.timestamp_domain()) {
                     self.turning.add(stamp_ns, *sample.rotational_velocity());
@@ -148,15 +161,22 @@ impl RealsenseSource {
         })
     }
 
-    /// What turned since the last frame.
-    fn gather_turns(&mut self, stamp_ns: i64) {
-        let Some(gyro) = self.streams.position(Rs2StreamKind::Gyro) else { return };
+    /// What turned and accelerated since the last frame.
+    fn gather_motion(&mut self, stamp_ns: i64) {
+        let [gyro, accel] =
+            [Rs2StreamKind::Gyro, Rs2StreamKind::Accel].map(|kind| self.streams.position(kind));
+        let Some(sensor) = gyro.or(accel) else { return };
         let is_hurried = !matches!(&self.origin, Origin::Recorded { pace: Pace::Unpaced, .. });
-        let until = Instant::now() + if is_hurried { GYRO_WAIT.0 } else { GYRO_WAIT.1 };
+        let until = Instant::now() + if is_hurried { MOTION_WAIT.0 } else { MOTION_WAIT.1 };
         loop {
+            let is_turn_missing = gyro.is_some() && !self.turning.reaches(stamp_ns);
+            // A live frame never waits for the accelerometer, which decides nothing.
+            let is_force_missing = accel.is_some()
+                && !is_hurried
+                && self.forces.as_ref().is_some_and(|forces| !forces.reaches(stamp_ns));
             let left = until.saturating_duration_since(Instant::now());
-            let wait = if self.turning.reaches(stamp_ns) { Duration::ZERO } else { left };
-            let Some(frame) = self.streams.next_frame(gyro, wait) else { return };
+            let wait = if is_turn_missing || is_force_missing { left } else { Duration::ZERO };
+            let Some(frame) = self.streams.next_frame(sensor, wait) else { return };
             self.take(frame);
         }
     }
@@ -175,6 +195,7 @@ impl RealsenseSource {
         (frame.stamp, frame.sequence) = (StampNs(stamp_ns), color.frame_number());
         (frame.depth_camera, frame.depth_unit_m) = (self.info.depth_camera, self.info.depth_unit_m);
         frame.turn_rate = self.turning.until(stamp_ns);
+        frame.specific_force = self.forces.as_mut().and_then(|forces| forces.until(stamp_ns));
         let is_live = matches!(self.origin, Origin::Live { .. });
         frame.timing = FrameTiming { clock, arrival_ns: is_live.then_some(arrival_ns) };
         self.watch_time(stamp_ns, &frame.timing);
@@ -250,7 +271,7 @@ impl FrameSource for RealsenseSource {
         loop {
             let missing = match self.pairing.next_pair() {
                 Ok(images) => {
-                    self.gather_turns(images.0);
+                    self.gather_motion(images.0);
                     let filled = self.fill(frame, images);
                     if filled.is_err() {
                         (frame.width, frame.height) = (0, 0);

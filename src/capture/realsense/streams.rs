@@ -16,8 +16,11 @@ use super::raw::{self, AnyFrame, RunningSensor};
 
 /// Images that a queue holds while nobody takes them; of a camera the SDK drops the oldest.
 const VIDEO_QUEUE: c_int = 4;
-/// Samples of the gyroscope likewise: 1 s.
-const GYRO_QUEUE: c_int = 512;
+/// Samples of gyroscope and accelerometer likewise: 1 s.
+const MOTION_QUEUE: c_int = 512;
+
+/// Streams that a camera can do without.
+const MOTION: [Rs2StreamKind; 2] = [Rs2StreamKind::Gyro, Rs2StreamKind::Accel];
 
 /// Running sensors with what they stream.
 pub(super) struct Streams {
@@ -35,7 +38,7 @@ impl Drop for Streams {
 }
 
 impl Streams {
-    /// Starts all sensors of a camera. One with a gyroscope alone may fail: the camera goes on without.
+    /// Starts all sensors of a camera. Gyroscope and accelerometer may fail: the camera goes on without.
     pub(super) fn of_camera(plans: Vec<SensorPlan>) -> Result<Self, String> {
         Self { running: Vec::new(), kinds: Vec::new(), is_recorded: false }.started(plans)
     }
@@ -50,22 +53,41 @@ impl Streams {
     }
 
     fn started(mut self, plans: Vec<SensorPlan>) -> Result<Self, String> {
-        for SensorPlan { sensor, profiles, chosen, kinds } in plans {
-            let is_gyro = kinds == [Rs2StreamKind::Gyro];
-            let capacity = if is_gyro { GYRO_QUEUE } else { VIDEO_QUEUE };
-            let start = || RunningSensor::start(sensor, (&profiles, &chosen), capacity);
-            match start() {
+        for plan in plans {
+            if plan.kinds.iter().all(|kind| MOTION.contains(kind)) {
+                self.start_motion(plan);
+                continue;
+            }
+            let SensorPlan { sensor, profiles, chosen, kinds } = plan;
+            let running = RunningSensor::start(sensor, (&profiles, &chosen), VIDEO_QUEUE);
+            self.running.push(running.map_err(|(_, what)| what)?);
+            self.kinds.push(kinds);
+        }
+        Ok(self)
+    }
+
+    /// Starts gyroscope and accelerometer; where they do not start together, the gyroscope alone, which decides something.
+    fn start_motion(&mut self, plan: SensorPlan) {
+        let SensorPlan { mut sensor, profiles, chosen, kinds } = plan;
+        let streams = || chosen.iter().copied().zip(kinds.iter().copied());
+        let is_gyro = |&(_, kind): &(c_int, Rs2StreamKind)| kind == Rs2StreamKind::Gyro;
+        let attempts: [Vec<_>; 2] = [streams().collect(), streams().filter(is_gyro).collect()];
+        // A sensor with one stream has no second attempt.
+        let n_attempts = if attempts[0].len() > 1 { 2 } else { 1 };
+        for streams in attempts.into_iter().take(n_attempts).filter(|streams| !streams.is_empty()) {
+            let (chosen, kinds): (Vec<c_int>, Vec<Rs2StreamKind>) = streams.into_iter().unzip();
+            match RunningSensor::start(sensor, (&profiles, &chosen), MOTION_QUEUE) {
                 Ok(running) => {
                     self.running.push(running);
                     self.kinds.push(kinds);
+                    return;
                 }
-                Err(what) if is_gyro => {
-                    tracing::warn!("gyroscope does not start, the camera goes on without: {what}");
+                Err((back, what)) => {
+                    sensor = back;
+                    tracing::warn!(streams = ?kinds, "motion sensor does not start, the camera goes on without: {what}");
                 }
-                Err(what) => return Err(what),
             }
         }
-        Ok(self)
     }
 
     /// Where a stream comes from; `None` where it does not run.

@@ -152,7 +152,7 @@ impl Recording {
                 images::read_color(&camera_folder, stamp, &info.camera, &mut frame.rgb)?;
                 let depth_camera = info.depth_camera.as_ref().map_or(&info.camera, |imager| &imager.camera);
                 images::read_depth(&camera_folder, stamp, depth_camera, &mut frame.depth)?;
-                frame.turn_rate = self.turn_rate(camera_idx, stamp);
+                (frame.turn_rate, frame.specific_force) = (self.turn_rate(camera_idx, stamp), None);
             }
             Store::Bags(bags) => bags.read_images(camera_idx, stamp, frame)?,
         }

@@ -102,6 +102,8 @@ pub struct SyntheticOptions {
     pub render_ahead: Option<usize>,
     /// Whether the cameras have a gyro: each frame then says how fast the rig turned since the one before.
     pub has_gyro: bool,
+    /// Whether the cameras have an accelerometer: each frame then says where up is, as if the rig stood still at each of its poses.
+    pub has_accel: bool,
 }
 
 impl SyntheticOptions {
@@ -123,6 +125,7 @@ impl SyntheticOptions {
             frames_per_view: 1,
             render_ahead: None,
             has_gyro: false,
+            has_accel: false,
         }
     }
 

@@ -3,11 +3,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use nalgebra::Vector3;
+
 use super::World;
 use super::options::Pace;
 use super::view::View;
-use crate::capture::{CameraInfo, CaptureError, FrameSource, RgbdFrame, StampNs, TurnRate};
-use crate::geometry::motion::rotation_gap_rad;
+use crate::capture::{CameraInfo, CaptureError, FrameSource, RgbdFrame, SpecificForce, StampNs, TurnRate};
+use crate::geometry::motion::{Motion, rotation_gap_rad};
 
 /// One open camera.
 #[derive(Debug)]
@@ -61,11 +63,22 @@ impl SyntheticSource {
     /// gyro.
     fn turn_rate(&self, number: u64) -> Option<TurnRate> {
         let before = number.checked_sub(1).filter(|_| self.world.options.has_gyro)?;
-        let shown = |number: u64| number.checked_rem(self.ahead.len() as u64).unwrap_or(number);
-        let pose = |number| self.world.world_from_camera(self.camera, shown(number));
-        let turned_rad = rotation_gap_rad(&pose(before), &pose(number));
+        let turned_rad = rotation_gap_rad(&self.pose(before), &self.pose(number));
         let period_s = self.world.options.period.as_secs_f64().max(1e-9);
         Some(TurnRate { max_rad_per_s: turned_rad / period_s })
+    }
+
+    /// Up in the camera's axes, as long as gravity; the rig's own acceleration is neglected. None without an accelerometer.
+    fn specific_force(&self, number: u64) -> Option<SpecificForce> {
+        let up_m_per_s2 = SpecificForce::AT_REST_M_PER_S2 * Vector3::z();
+        let mean_m_per_s2 = self.pose(number).inverse_transform_vector(&up_m_per_s2);
+        self.world.options.has_accel.then_some(SpecificForce { mean_m_per_s2 })
+    }
+
+    /// From where the pictures of a frame are taken.
+    fn pose(&self, number: u64) -> Motion {
+        let shown = number.checked_rem(self.ahead.len() as u64).unwrap_or(number);
+        self.world.world_from_camera(self.camera, shown)
     }
 }
 
@@ -89,6 +102,7 @@ impl FrameSource for SyntheticSource {
             count => copy(&self.ahead[(number % count) as usize], frame),
         }
         frame.turn_rate = self.turn_rate(number);
+        frame.specific_force = self.specific_force(number);
         frame.sequence = number;
         let stamp_ns = u128::from(number) * self.world.options.period.as_nanos();
         frame.stamp = StampNs(i64::try_from(stamp_ns).unwrap_or(i64::MAX));

@@ -409,3 +409,16 @@ fn frames_repeated_from_memory_have_the_turn_rate_of_what_they_show() {
     let rates: Vec<f64> = rates.collect();
     assert!(rates.iter().all(|rate| *rate > 0.1 && (rate - rates[0]).abs() < 1e-9), "{rates:?}");
 }
+
+#[test]
+fn an_accelerometer_feels_up_in_the_axes_of_its_camera_and_only_where_there_is_one() {
+    let board = Some(Checkerboard { squares: [9, 7], square_m: 0.108 });
+    let options = SyntheticOptions { board, ..pair(Noise::Off, 20) };
+    assert!(frames(&options, 0, 2).iter().all(|frame| frame.specific_force.is_none()));
+    let with_accel = SyntheticOptions { has_accel: true, ..options };
+    let right_from_left = with_accel.cameras[1].reference_from_camera.inverse();
+    let felt = |camera| frames(&with_accel, camera, 2).remove(1).specific_force.expect("felt").mean_m_per_s2;
+    let (left, right) = (felt(0), felt(1));
+    assert!((left.norm() - 9.81).abs() < 1e-9 && left.y < -5.0, "y is down: {left}");
+    assert!((right_from_left.rotation * left - right).norm() < 1e-9, "{left} {right}");
+}

@@ -106,6 +106,9 @@ pub struct CameraStatus {
     pub valid_depth: Option<f64>,
     /// Whose clock stamps the frames: source (a recording's), device, translated or host; null before the first.
     pub clock: Option<&'static str>,
+    /// Between where this camera feels up and where the reference camera does, by the published result; 0 for the reference camera, null
+    /// where an accelerometer or a place is missing.
+    pub gravity_off_deg: Option<f64>,
 }
 
 /// How long one stage takes.
@@ -189,6 +192,7 @@ impl From<&CameraHealth> for CameraStatus {
             bad: camera.bad,
             valid_depth: camera.valid_depth,
             clock: camera.clock.map(FrameClock::name),
+            gravity_off_deg: camera.gravity_off_deg,
         }
     }
 }
@@ -298,6 +302,7 @@ const CAMERA_COLUMNS: [&str; 10] = [
 fn camera_table(cameras: &[CameraStatus]) -> String {
     let or_dash =
         |number: Option<f64>| number.map_or_else(|| "-".to_owned(), |number| format!("{number:.0}"));
+    let has_gravity = cameras.iter().any(|camera| camera.gravity_off_deg.is_some());
     let rows = cameras.iter().map(|camera| {
         let mut row = vec![camera.name.clone(), camera.state.to_owned(), format!("{:.1}", camera.fps_hz)];
         let counts = [camera.frames, camera.dropped, camera.lost, camera.bad];
@@ -308,9 +313,13 @@ fn camera_table(cameras: &[CameraStatus]) -> String {
             clock,
             or_dash(camera.last_frame_age_ms),
         ]);
+        let off_deg =
+            camera.gravity_off_deg.map_or_else(|| "-".to_owned(), |off_deg| format!("{off_deg:.1}"));
+        row.extend(has_gravity.then_some(off_deg));
         row
     });
-    table(&CAMERA_COLUMNS, &rows.collect::<Vec<_>>())
+    let columns = CAMERA_COLUMNS.into_iter().chain(has_gravity.then_some("gravity off deg"));
+    table(&columns.collect::<Vec<_>>(), &rows.collect::<Vec<_>>())
 }
 
 /// How collecting goes, in one line.

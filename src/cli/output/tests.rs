@@ -213,6 +213,7 @@ fn words_of_a_moved_camera() -> (Snapshot, HealthMessage) {
         bad: 0,
         valid_depth: Some(0.75),
         clock: Some(FrameClock::Source),
+        gravity_off_deg: None,
     };
     let health = HealthMessage {
         sequence: 1,
@@ -258,6 +259,28 @@ fn the_status_of_a_moved_camera_says_which_and_how_far() {
     // Before the daemon's first word about its cameras there are no names.
     let nameless = StatusDocument::new(&InstanceName::default(), &Words { health: None, ..words });
     assert_eq!(nameless.moved[0].cameras, ["camera 1"]);
+}
+
+#[test]
+fn the_angle_to_gravity_is_shown_where_any_camera_has_one() {
+    let (snapshot, mut health) = words_of_a_moved_camera();
+    let status_of = |health: &HealthMessage| {
+        let words = Words { snapshot: &snapshot, health: Some(health), progress: None };
+        let document = StatusDocument::new(&InstanceName::default(), &words);
+        (serde_json::to_value(&document).expect("serialisable"), status::text(&document))
+    };
+    let (json, text) = status_of(&health);
+    assert_eq!(json["cameras"][0].get("gravity_off_deg"), Some(&Value::Null));
+    assert!(!text.contains("gravity"), "{text}");
+    health.cameras[1].gravity_off_deg = Some(1.26);
+    let (json, text) = status_of(&health);
+    assert_eq!(json["cameras"][1]["gravity_off_deg"], 1.26);
+    let last_cell = |name: &str| {
+        let row = text.lines().find(|line| line.starts_with(name)).expect("a row");
+        row.split_whitespace().next_back().expect("cells").to_owned()
+    };
+    assert!(text.contains("gravity off deg\n"), "{text}");
+    assert_eq!([last_cell("front"), last_cell("left ")], ["-", "1.3"], "{text}");
 }
 
 #[test]

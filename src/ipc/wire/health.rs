@@ -10,8 +10,8 @@ use super::{
 };
 use crate::ipc::message::{CameraHealth, CameraState, FrameClock, HealthMessage, PairSkew, StageLatency};
 
-/// Share of depth of a camera that never sent a frame.
-const UNKNOWN_SHARE: f64 = -1.0;
+/// Share of depth, or angle to gravity, that is not known.
+const UNKNOWN: f64 = -1.0;
 /// Age of the last frame of a camera that never sent one.
 const NEVER_NS: u64 = u64::MAX;
 
@@ -92,6 +92,8 @@ pub struct CameraHealthWire {
     pub clock: u32,
     /// Zero.
     pub reserved: u32,
+    /// Between up here and up in the reference camera, deg, 0 to 180; -1 for unknown.
+    pub gravity_off_deg: f64,
 }
 
 /// How long one stage takes.
@@ -120,9 +122,10 @@ const NO_CAMERA: CameraHealthWire = CameraHealthWire {
     fps_hz: 0.0,
     lost: 0,
     bad: 0,
-    valid_depth: UNKNOWN_SHARE,
+    valid_depth: UNKNOWN,
     clock: 0,
     reserved: 0,
+    gravity_off_deg: UNKNOWN,
 };
 
 const NO_STAGE: StageWire =
@@ -168,9 +171,10 @@ impl TryFrom<&HealthMessage> for HealthWire {
                 fps_hz: camera.fps_hz,
                 lost: camera.lost,
                 bad: camera.bad,
-                valid_depth: camera.valid_depth.unwrap_or(UNKNOWN_SHARE),
+                valid_depth: camera.valid_depth.unwrap_or(UNKNOWN),
                 clock: camera.clock.map_or(0, |clock| code_of(&FrameClock::ALL, &clock)),
                 reserved: 0,
+                gravity_off_deg: camera.gravity_off_deg.unwrap_or(UNKNOWN),
             };
         }
         for (slot, stage) in wire.stages.iter_mut().zip(&message.stages) {
@@ -217,24 +221,32 @@ fn camera_of(wire: &CameraHealthWire) -> Result<CameraHealth, WireError> {
         fps_hz: not_negative("camera fps_hz", wire.fps_hz)?,
         lost: wire.lost,
         bad: wire.bad,
-        valid_depth: share_of(wire.valid_depth)?,
+        valid_depth: known("camera valid_depth", wire.valid_depth, (1.0, "0 to 1, or -1 for unknown"))?,
         clock: match wire.clock {
             0 => None,
             code => Some(value_of(&FrameClock::ALL, code, "camera clock")?),
         },
+        gravity_off_deg: known(
+            "camera gravity_off_deg",
+            wire.gravity_off_deg,
+            (180.0, "0 to 180, or -1 for unknown"),
+        )?,
     })
 }
 
-/// A share of readings, or that it is unknown.
-fn share_of(share: f64) -> Result<Option<f64>, WireError> {
-    if share == UNKNOWN_SHARE {
+/// A value from 0 to a limit, or that it is unknown.
+fn known(
+    field: &'static str,
+    value: f64,
+    (limit, allowed): (f64, &'static str),
+) -> Result<Option<f64>, WireError> {
+    if value == UNKNOWN {
         return Ok(None);
     }
-    let share = not_negative("camera valid_depth", share)?;
-    if share <= 1.0 {
-        Ok(Some(share))
+    if not_negative(field, value)? <= limit {
+        Ok(Some(value))
     } else {
-        Err(WireError::Value { field: "camera valid_depth", allowed: "0 to 1, or -1 for unknown" })
+        Err(WireError::Value { field, allowed })
     }
 }
 

@@ -140,6 +140,7 @@ pub(super) fn synthetic_options(file: &SyntheticSection) -> Result<SyntheticOpti
         frames_per_view: file.frames_per_view,
         render_ahead: file.render_ahead,
         has_gyro: file.gyro,
+        has_accel: file.accel,
         moves: super::synthetic::moves(file, &rig)?,
         ..rig
     })

@@ -22,6 +22,8 @@ pub struct RealsenseSection {
     pub depth: VideoModeSection,
     /// Whether the gyroscope is read where there is one.
     pub gyro: bool,
+    /// Whether the accelerometer is read where there is one.
+    pub accel: bool,
     /// Whether the infrared projector is on; `null` leaves it as it is.
     pub emitter: Option<bool>,
     /// Longest automatic exposure; `null` leaves it to the camera.
@@ -40,12 +42,13 @@ pub struct RealsenseSection {
 
 impl Default for RealsenseSection {
     fn default() -> Self {
-        let RealsenseOptions { color, depth, gyro, emitter, global_time, late_after, .. } =
+        let RealsenseOptions { color, depth, gyro, accel, emitter, global_time, late_after, .. } =
             RealsenseOptions::default();
         Self {
             color: color.into(),
             depth: depth.into(),
             gyro,
+            accel,
             emitter,
             max_exposure_ms: None,
             sync_master: None,
@@ -110,6 +113,7 @@ pub(super) fn options(file: &RealsenseSection) -> Result<RealsenseOptions, Refus
         color: file.color.checked(&key("color"))?,
         depth: file.depth.checked(&key("depth"))?,
         gyro: file.gyro,
+        accel: file.accel,
         emitter: file.emitter,
         max_exposure: file.max_exposure_ms.map(from_ms),
         sync_master: file.sync_master.as_ref().map(|serial| serial.0.clone()),

@@ -233,6 +233,8 @@ pub struct SyntheticSection {
     pub render_ahead: Option<usize>,
     /// Whether the cameras have a gyro.
     pub gyro: bool,
+    /// Whether the cameras have an accelerometer.
+    pub accel: bool,
     /// Cameras that are moved in the rig on the way.
     pub moves: Vec<MoveEntry>,
 }
@@ -254,6 +256,7 @@ impl Default for SyntheticSection {
             frames_per_view: 1,
             render_ahead: None,
             gyro: false,
+            accel: false,
             moves: Vec::new(),
         }
     }

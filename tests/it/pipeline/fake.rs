@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use pelical::capture::{
-    CameraInfo, CaptureError, DeviceFactory, FrameSource, FrameTiming, RgbdFrame, StampClock, StampNs,
+    CameraInfo, CaptureError, DeviceFactory, FrameSource, FrameTiming, RgbdFrame, SpecificForce, StampClock,
+    StampNs,
 };
 use pelical::geometry::camera::Pinhole;
 use pelical::geometry::{Camera, Distortion};
@@ -197,6 +198,8 @@ impl FakeSource {
         let since_first = PERIOD * self.number as u32 + SKEW * self.index;
         frame.stamp = StampNs(FIRST_STAMP_NS + since_first.as_nanos() as i64);
         frame.sequence = self.number;
+        let mean_m_per_s2 = nalgebra::Vector3::new(0.0, -SpecificForce::AT_REST_M_PER_S2, 0.0);
+        frame.specific_force = Some(SpecificForce { mean_m_per_s2 });
         let is_own = self.control.mode() == Mode::OwnClock;
         let clock = if is_own { StampClock::Device } else { StampClock::Translated };
         frame.timing = FrameTiming { clock, arrival_ns: Some(0) };

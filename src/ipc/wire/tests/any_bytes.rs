@@ -121,6 +121,7 @@ proptest! {
         (wire.n_cameras, wire.n_stages, wire.cameras[0].state) = (codes[0], codes[1], codes[2]);
         (wire.cameras[0].name, wire.cameras[0].fps_hz, wire.stages[0].stage) = (name, fps_hz, name);
         (wire.cameras[0].clock, wire.cameras[0].valid_depth) = (codes[8], fps_hz);
+        wire.cameras[1].gravity_off_deg = fps_hz;
         (wire.watch.is_watching, wire.watch.n_moved) = (codes[4], codes[5]);
         (wire.watch.moved[0].camera, wire.watch.moved[0].or_camera) = (codes[6], codes[7]);
         wire.watch.moved[1].translation_m = fps_hz;
@@ -129,6 +130,8 @@ proptest! {
             prop_assert!(message.cameras.iter().all(|camera| camera.fps_hz.is_finite() && camera.fps_hz >= 0.0));
             let mut shares = message.cameras.iter().filter_map(|camera| camera.valid_depth);
             prop_assert!(shares.all(|share| (0.0..=1.0).contains(&share)));
+            let mut angles = message.cameras.iter().filter_map(|camera| camera.gravity_off_deg);
+            prop_assert!(angles.all(|angle| (0.0..=180.0).contains(&angle)));
             let moved = message.watch.map_or_else(Vec::new, |watch| watch.moved);
             prop_assert!(moved.len() <= MAX_MOVED && moved.iter().all(|moved| moved.translation_m >= 0.0));
         }

@@ -109,6 +109,7 @@ fn health() -> HealthMessage {
         bad: 4,
         valid_depth: age.map(|_| 0.5),
         clock: age.map(|_| FrameClock::Device),
+        gravity_off_deg: age.map(|_| 1.5),
     };
     HealthMessage {
         sequence: 1,
@@ -167,11 +168,12 @@ fn the_layouts_are_frozen() {
     assert_eq!(offset_of!(ProgressWire, turn_rad_per_s), 112);
     assert_eq!(offset_of!(ProgressWire, n_cameras), 120);
     assert_eq!(offset_of!(ProgressWire, cameras), 152);
-    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 104 + 8 * 64 + 120 * 56);
-    assert_eq!(offset_of!(HealthWire, pair_skews), 32 + 344 + 16 * 104 + 8 * 64);
+    assert_eq!(size_of::<HealthWire>(), 32 + 344 + 16 * 112 + 8 * 64 + 120 * 56);
+    assert_eq!(offset_of!(HealthWire, pair_skews), 32 + 344 + 16 * 112 + 8 * 64);
     assert_eq!(offset_of!(HealthWire, watch), 32);
-    assert_eq!(size_of::<CameraHealthWire>(), 104);
+    assert_eq!(size_of::<CameraHealthWire>(), 112);
     assert_eq!(offset_of!(CameraHealthWire, frames), 40);
+    assert_eq!(offset_of!(CameraHealthWire, gravity_off_deg), 104);
     assert_eq!(offset_of!(StageWire, p50_ns), 40);
     assert_eq!(size_of::<RequestWire>(), 24);
     assert_eq!(size_of::<FrameSetsWire>(), 56);
@@ -349,6 +351,16 @@ fn a_spoiled_turn_rate_or_pair_is_refused() {
         spoil(&mut wire);
         let error = HealthMessage::try_from(&wire).expect_err("spoiled").to_string();
         assert!(error.contains("pair"), "{error}");
+    }
+}
+
+#[test]
+fn an_angle_to_gravity_that_is_none_is_refused() {
+    for off_deg in [180.1, -2.0, f64::NAN, f64::INFINITY] {
+        let mut wire = HealthWire::try_from(&health()).expect("fits");
+        wire.cameras[0].gravity_off_deg = off_deg;
+        let error = HealthMessage::try_from(&wire).expect_err("spoiled").to_string();
+        assert!(error.contains("gravity_off_deg"), "{error}");
     }
 }
 
