@@ -1,4 +1,4 @@
-//! Which way is up for a camera: its specific force over about a second of frames in which nothing shook it. Written by the capture
+//! Which way is up for a camera: its specific force over about a second of frames in which nothing shook or turned it. Written by the capture
 //! thread, read by whoever asks.
 
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
@@ -12,6 +12,8 @@ use crate::capture::{RgbdFrame, StampNs};
 const TIME_CONSTANT_S: f64 = 1.0;
 /// Share of gravity by which a frame's specific force may be longer or shorter than it: more is a rig that is pushed, not held.
 const MAX_NORM_GAP: f64 = 0.05;
+/// A camera that turns faster than this has another up in each frame, and cameras that lost frames have not the same ones, rad/s (6 deg/s).
+const MAX_TURN_RAD_PER_S: f64 = 0.1;
 /// After so long without a frame that counts, nobody knows how the camera is held, s.
 const FORGET_AFTER_S: f64 = 3.0;
 /// Stamp of a camera that never felt anything.
@@ -36,6 +38,10 @@ impl PlumbCell {
     /// Takes note of a frame.
     pub(super) fn note(&self, frame: &RgbdFrame) {
         let StampNs(stamp_ns) = frame.stamp;
+        if frame.turn_rate.is_some_and(|rate| rate.max_rad_per_s > MAX_TURN_RAD_PER_S) {
+            self.last_ns.store(NEVER_NS, Ordering::Release);
+            return;
+        }
         let felt = frame.specific_force.map(|force| force.mean_m_per_s2).filter(is_rest);
         let since_s = self.mean().map(|(mean, last_ns)| (mean, seconds_between(last_ns, stamp_ns)));
         match (felt, since_s) {
@@ -52,7 +58,8 @@ impl PlumbCell {
         }
     }
 
-    /// The low-passed specific force, m/s², in the axes of the colour camera; `None` without an accelerometer, or while the rig is shaken.
+    /// The low-passed specific force, m/s², in the axes of the colour camera; `None` without an accelerometer, or while the rig
+    /// is shaken or turns.
     pub(super) fn read(&self) -> Option<Vector3<f64>> {
         self.mean().map(|(mean, _)| mean)
     }
@@ -83,6 +90,7 @@ fn seconds_between(earlier_ns: i64, later_ns: i64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capture::TurnRate;
 
     const FRAME_MS: i64 = 33;
 
@@ -121,6 +129,22 @@ mod tests {
         assert_eq!(cell.read(), before);
         note(&cell, 1100, Some([0.0, -9.81 * 1.04, 0.0]));
         assert_ne!(cell.read(), before, "4 % count");
+    }
+
+    #[test]
+    fn a_turn_makes_it_begin_anew() {
+        let cell = PlumbCell::default();
+        hold(&cell, (0, 1000), [0.0, -9.81, 0.0]);
+        let turning = |ms: i64, max_rad_per_s| RgbdFrame {
+            stamp: StampNs(1_000_000 * ms),
+            specific_force: Some(SpecificForce { mean_m_per_s2: Vector3::new(9.81, 0.0, 0.0) }),
+            turn_rate: Some(TurnRate { max_rad_per_s }),
+            ..RgbdFrame::default()
+        };
+        cell.note(&turning(1010, 0.5));
+        assert_eq!(cell.read(), None);
+        cell.note(&turning(1040, 0.05));
+        assert_eq!(cell.read(), Some(Vector3::new(9.81, 0.0, 0.0)), "nothing of before the turn");
     }
 
     #[test]

@@ -161,7 +161,7 @@ impl Daemon {
 
     fn be_looked_at(&mut self, pipeline: &Pipeline) {
         let snapshot = pipeline.snapshot();
-        self.life.on_apart(self.apart.look(&snapshot));
+        self.life.on_apart(self.apart.look(&snapshot, Instant::now()));
         let daemon = self.snapshot(&snapshot);
         let standing = Standing { daemon: &daemon, cameras: &snapshot.cameras };
         self.supervisor.look(pipeline.vitals(), &standing);
