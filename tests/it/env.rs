@@ -162,7 +162,11 @@ pub struct Running {
 
 impl Running {
     fn start(command: &mut Command, log: PathBuf) -> Self {
-        let (stdout, stderr) = (log.with_extension("out"), log.with_extension("err"));
+        // Several may run at once, each with files of its own.
+        static STARTED: AtomicU32 = AtomicU32::new(0);
+        let number = STARTED.fetch_add(1, Ordering::Relaxed);
+        let (stdout, stderr) =
+            (log.with_extension(format!("{number}.out")), log.with_extension(format!("{number}.err")));
         let file = |path: &Path| std::fs::File::create(path).expect("a log file");
         let child = command.stdin(Stdio::null()).stdout(file(&stdout)).stderr(file(&stderr)).spawn();
         Self { child: child.expect("the program was built"), stdout, stderr }
